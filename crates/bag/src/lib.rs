@@ -1,0 +1,1 @@
+//! rosbag2 (MCAP) recording and reading.

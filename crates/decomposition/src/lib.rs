@@ -1,0 +1,1 @@
+//! The quadruped as two bipeds coupled by a connection wrench, and its recomposition.

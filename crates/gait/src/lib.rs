@@ -1,0 +1,1 @@
+//! Bézier outputs, step phase, mirror, and the gait file.

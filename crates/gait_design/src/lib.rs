@@ -1,0 +1,1 @@
+//! Gait generation: transcription of the decomposed dynamics into a nonlinear program.

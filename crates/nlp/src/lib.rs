@@ -1,0 +1,1 @@
+//! Nonlinear programs: the problem trait, a sequential quadratic programming solver, and honest statuses.

@@ -1,0 +1,1 @@
+//! The periodic real-time loop: scheduling, latency histogram, allocation guard.

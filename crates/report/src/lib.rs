@@ -1,0 +1,1 @@
+//! Pictures and pages of a walk: phase portraits, gait tiles, torque bars.

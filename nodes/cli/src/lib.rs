@@ -1,0 +1,1 @@
+//! tandem: plan, simulate, bag, report, doctor.
