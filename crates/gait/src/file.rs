@@ -1,0 +1,251 @@
+//! The gait file: JSON, format "tandem-gait", version 1.
+
+use crate::{Coefficients, Gait, GaitError, InitialState, JOINTS, Mirror, SolverSummary, bezier};
+use serde::{Deserialize, Serialize};
+
+/// `format` of every gait file.
+pub const FILE_FORMAT: &str = "tandem-gait";
+/// The one version that this software reads and writes.
+pub const FILE_VERSION: u64 = 1;
+
+/// Read before everything else, so that a file of another version is named as such and not as a missing field.
+#[derive(Deserialize)]
+struct Header {
+    format: String,
+    version: u64,
+}
+
+#[derive(Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct GaitFile {
+    format: String,
+    version: u64,
+    robot: String,
+    name: String,
+    joint_names: [String; JOINTS],
+    step_duration_s: f64,
+    step_length_m: f64,
+    bezier_degree: usize,
+    coefficients_rad: [Coefficients; JOINTS],
+    mirror: Mirror,
+    initial: InitialState,
+    reference_coefficients_rad: [Coefficients; JOINTS],
+    gains: Gains,
+    torque_limit_nm: [f64; JOINTS],
+    request: serde_json::Value,
+    solver: SolverSummary,
+}
+
+#[derive(Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct Gains {
+    kp: [f64; JOINTS],
+    kd: [f64; JOINTS],
+}
+
+impl Gait {
+    /// Reads a gait file's text and checks every value.
+    pub fn from_json(text: &str) -> Result<Self, GaitError> {
+        let header: Header = serde_json::from_str(text)?;
+        if header.format != FILE_FORMAT {
+            return Err(GaitError::Format {
+                found: header.format,
+            });
+        }
+        if header.version != FILE_VERSION {
+            return Err(GaitError::Version {
+                found: header.version,
+            });
+        }
+        let f: GaitFile = serde_json::from_str(text)?;
+        let gait = Gait {
+            robot: f.robot,
+            name: f.name,
+            joint_names: f.joint_names,
+            step_duration_s: f.step_duration_s,
+            step_length_m: f.step_length_m,
+            coefficients_rad: f.coefficients_rad,
+            mirror: f.mirror,
+            initial: f.initial,
+            reference_coefficients_rad: f.reference_coefficients_rad,
+            kp: f.gains.kp,
+            kd: f.gains.kd,
+            torque_limit_nm: f.torque_limit_nm,
+            request: f.request,
+            solver: f.solver,
+        };
+        if f.bezier_degree != bezier::DEGREE {
+            return Err(GaitError::Value {
+                gait: gait.name,
+                field: "bezier_degree".into(),
+                problem: format!("is {}, expected {}", f.bezier_degree, bezier::DEGREE),
+            });
+        }
+        gait.validate()?;
+        Ok(gait)
+    }
+
+    /// The gait file's text; the same gait gives the same bytes.
+    pub fn to_json(&self) -> String {
+        let g = self.clone();
+        let file = GaitFile {
+            format: FILE_FORMAT.into(),
+            version: FILE_VERSION,
+            robot: g.robot,
+            name: g.name,
+            joint_names: g.joint_names,
+            step_duration_s: g.step_duration_s,
+            step_length_m: g.step_length_m,
+            bezier_degree: bezier::DEGREE,
+            coefficients_rad: g.coefficients_rad,
+            mirror: g.mirror,
+            initial: g.initial,
+            reference_coefficients_rad: g.reference_coefficients_rad,
+            gains: Gains { kp: g.kp, kd: g.kd },
+            torque_limit_nm: g.torque_limit_nm,
+            request: g.request,
+            solver: g.solver,
+        };
+        // A number that is not finite would become null; every gait is validated, so none is left.
+        serde_json::to_string_pretty(&file).expect("a gait has only strings, numbers and arrays")
+            + "\n"
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::StepSide;
+
+    /// A standing "gait": every joint stays where it is.
+    fn standing() -> Gait {
+        let joint: [f64; JOINTS] = std::array::from_fn(|j| {
+            [0.1, 0.94, 1.88][j % 3] * if j < 6 { 1.0 } else { [-1.0, 1.0, 1.0][j % 3] }
+        });
+        let rows = joint.map(|v| [v; 6]);
+        Gait {
+            robot: "vision60".into(),
+            name: "standing".into(),
+            joint_names: std::array::from_fn(|j| format!("joint_{j}")),
+            step_duration_s: 0.4,
+            step_length_m: 0.0,
+            coefficients_rad: rows,
+            mirror: Mirror {
+                leg: [2, 3, 0, 1],
+                sign: [-1.0, 1.0, 1.0],
+            },
+            initial: InitialState {
+                base_position_m: [0.0, 0.0, 0.5825],
+                base_quaternion_xyzw: [0.0, 0.0, 0.0, 1.0],
+                base_linear_velocity_world: [0.0; 3],
+                base_angular_velocity_body: [0.0; 3],
+                joint_position_rad: joint,
+                joint_velocity_rad_s: [0.0; 12],
+            },
+            reference_coefficients_rad: rows,
+            kp: [230.0; 12],
+            kd: [5.0; 12],
+            torque_limit_nm: [50.0; 12],
+            request: serde_json::json!({"behaviour": "standing"}),
+            solver: SolverSummary {
+                status: "converged".into(),
+                iterations: 3,
+                solve_time_s: 0.1,
+                max_violation: 1e-9,
+                objective: 0.0,
+            },
+        }
+    }
+
+    #[test]
+    fn a_file_read_back_is_the_same_gait_and_the_same_bytes() {
+        let mut gait = standing();
+        gait.step_duration_s = 0.1 + 0.2;
+        let text = gait.to_json();
+        let again = Gait::from_json(&text).unwrap();
+        assert_eq!(again, gait);
+        assert_eq!(again.to_json(), text);
+    }
+
+    #[test]
+    fn a_file_cut_in_half_is_one_clear_error() {
+        let text = standing().to_json();
+        let e = Gait::from_json(&text[..text.len() / 2])
+            .unwrap_err()
+            .to_string();
+        assert!(e.contains("Is it whole?"), "{e}");
+    }
+
+    #[test]
+    fn another_version_is_named_before_any_missing_field() {
+        let e = Gait::from_json(r#"{"format": "tandem-gait", "version": 7}"#)
+            .unwrap_err()
+            .to_string();
+        assert!(e.contains("version is 7, expected 1"), "{e}");
+        let e = Gait::from_json(r#"{"format": "urdf", "version": 1}"#)
+            .unwrap_err()
+            .to_string();
+        assert!(e.contains("format is \"urdf\""), "{e}");
+    }
+
+    #[test]
+    fn bad_values_are_named() {
+        type Case = (&'static str, fn(&mut Gait));
+        let cases: [Case; 9] = [
+            ("step_duration_s is NaN", |g| g.step_duration_s = f64::NAN),
+            ("coefficients_rad[13] is NaN", |g| {
+                g.coefficients_rad[2][1] = f64::NAN
+            }),
+            ("gains.kp[3] is -1", |g| g.kp[3] = -1.0),
+            ("torque_limit_nm[0] is inf", |g| {
+                g.torque_limit_nm[0] = f64::INFINITY
+            }),
+            ("mirror.leg", |g| g.mirror.leg = [2, 2, 0, 1]),
+            ("mirror.sign", |g| g.mirror.sign[0] = 0.5),
+            ("norm", |g| g.initial.base_quaternion_xyzw[3] = 2.0),
+            ("jump by", |g| g.coefficients_rad[4][5] += 0.1),
+            ("joint_names[5]", |g| g.joint_names[5] = "joint_0".into()),
+        ];
+        for (expected, spoil) in cases {
+            let mut gait = standing();
+            spoil(&mut gait);
+            let e = gait.validate().unwrap_err().to_string();
+            assert!(e.contains(expected), "expected {expected:?} in {e:?}");
+        }
+        standing().validate().unwrap();
+    }
+
+    #[test]
+    fn a_gait_of_another_robot_is_refused() {
+        let gait = standing();
+        let mut names = gait.joint_names.clone();
+        assert!(gait.check_robot("vision60", &names).is_ok());
+        assert!(
+            gait.check_robot("solo12", &names)
+                .unwrap_err()
+                .to_string()
+                .contains("solo12")
+        );
+        names[7] = "knee".into();
+        assert!(
+            gait.check_robot("vision60", &names)
+                .unwrap_err()
+                .to_string()
+                .contains("joint_names[7]")
+        );
+    }
+
+    #[test]
+    fn the_mirrored_step_moves_the_other_legs_with_roll_reversed() {
+        let mut gait = standing();
+        gait.coefficients_rad[0] = [0.0, 0.1, 0.2, 0.3, 0.4, 0.5];
+        gait.coefficients_rad[1] = [1.0, 1.1, 1.2, 1.3, 1.4, 1.5];
+        let (first, first_velocity) = gait.planned(StepSide::First, 0.3);
+        let (mirrored, mirrored_velocity) = gait.planned(StepSide::Mirrored, 0.3);
+        assert_eq!(mirrored[6], -first[0]);
+        assert_eq!(mirrored[7], first[1]);
+        assert_eq!(mirrored_velocity[6], -first_velocity[0]);
+        assert_eq!(mirrored_velocity[7], first_velocity[1]);
+        assert!((first_velocity[0] - 0.5 / 0.4).abs() < 1e-12);
+    }
+}
