@@ -1,0 +1,37 @@
+//! Measured joints and inertial data.
+
+use crate::geometry_msgs::{Quaternion, Vector3};
+use crate::std_msgs::Header;
+
+messages! { "sensor_msgs";
+    /// The state of joints. Arrays are as long as `name` or empty.
+    JointState {
+        /// When it was measured.
+        header: Header,
+        /// Joint names.
+        name: Vec<String>,
+        /// rad.
+        position: Vec<f64>,
+        /// rad/s.
+        velocity: Vec<f64>,
+        /// Nm.
+        effort: Vec<f64>,
+    }
+    /// An inertial measurement.
+    Imu {
+        /// When it was measured, and the frame of the sensor.
+        header: Header,
+        /// Orientation of the sensor in the world.
+        orientation: Quaternion,
+        /// Row-major 3 x 3, rad²; first element -1: no orientation.
+        orientation_covariance: [f64; 9],
+        /// rad/s, sensor axes.
+        angular_velocity: Vector3,
+        /// Row-major 3 x 3.
+        angular_velocity_covariance: [f64; 9],
+        /// m/s², sensor axes, gravity included (at rest: +g upwards).
+        linear_acceleration: Vector3,
+        /// Row-major 3 x 3.
+        linear_acceleration_covariance: [f64; 9],
+    }
+}

@@ -1,0 +1,187 @@
+//! Tandem's own messages, services and actions. The definition files in `msg/`, `srv/` and `action/` hold the same fields.
+
+use crate::geometry_msgs::{Pose, Twist};
+use crate::std_msgs::Header;
+use crate::{Action, Optional};
+
+messages! { "tandem_msgs";
+    /// One command per joint, evaluated at the drive (or by the simulator's drive model) until the next one arrives:
+    /// torque = kp (position - measured) + kd (velocity - measured) + torque field.
+    JointCommand {
+        /// stamp: that of the `JointState` that this command answers.
+        header: Header,
+        /// Joint names.
+        name: Vec<String>,
+        /// Desired position, rad.
+        position: Vec<f64>,
+        /// Desired velocity, rad/s.
+        velocity: Vec<f64>,
+        /// Stiffness, Nm/rad.
+        kp: Vec<f64>,
+        /// Damping, Nm s/rad.
+        kd: Vec<f64>,
+        /// Feed-forward torque, Nm.
+        torque: Vec<f64>,
+    }
+    /// How the optimisation of a gait ended.
+    SolverReport {
+        /// `converged`, or why it is not: the solver's own word.
+        status: String,
+        /// Iterations of the outer loop.
+        iterations: u32,
+        /// Wall time of the solve, s.
+        solve_time_s: f64,
+        /// Largest violation of any constraint at the end.
+        max_violation: f64,
+        /// The whole cost.
+        objective: f64,
+        /// The constraint that is violated most, or that binds, by name.
+        worst_constraint: String,
+    }
+    /// A planned gait. Arrays over joints have 12 entries: leg * 3 + joint.
+    Gait {
+        /// stamp: when the plan was made; frame_id: the frame of `initial_base_pose`.
+        header: Header,
+        /// Version of the gait's schema.
+        version: u32,
+        /// The robot that the gait is for.
+        robot: String,
+        /// The gait's name.
+        name: String,
+        /// 12 joint names.
+        joint_names: Vec<String>,
+        /// Duration of one step (half a stride), s.
+        step_duration_s: f64,
+        /// Forward motion of the base in one step, m.
+        step_length_m: f64,
+        /// Degree of the Bézier polynomials.
+        bezier_degree: u8,
+        /// Planned joint angles over the first step, rad: row-major 12 x (degree + 1).
+        coefficients_rad: Vec<f64>,
+        /// The compensated reference that the tracking law follows, rad: row-major 12 x (degree + 1).
+        reference_coefficients_rad: Vec<f64>,
+        /// The next step: row of leg i, joint k = `mirror_sign[k]` * row of leg `mirror_leg[i]`.
+        mirror_leg: Vec<u8>,
+        /// 3 entries, each 1 or -1.
+        mirror_sign: Vec<f64>,
+        /// Base at the start of the first step, m.
+        initial_base_pose: Pose,
+        /// linear: world axes, m/s; angular: body axes, rad/s.
+        initial_base_twist: Twist,
+        /// rad.
+        initial_joint_position_rad: Vec<f64>,
+        /// rad/s.
+        initial_joint_velocity_rad_s: Vec<f64>,
+        /// Nm/rad.
+        kp: Vec<f64>,
+        /// Nm s/rad.
+        kd: Vec<f64>,
+        /// Nm.
+        torque_limit_nm: Vec<f64>,
+        /// The request that the gait answers, as JSON.
+        request_json: String,
+        /// How the optimisation ended.
+        solver: SolverReport,
+    }
+    /// What the controller does.
+    ControllerState {
+        /// When.
+        header: Header,
+        /// `disarmed`, `standing_up`, `standing`, `walking`, ..., `fault`.
+        mode: String,
+        /// Why it is in fault; empty when it is not.
+        fault: String,
+        /// Name of the loaded gait; empty when there is none.
+        gait: String,
+        /// Steps taken since walking began.
+        step_index: u64,
+        /// Phase of the present step, 0 to 1.
+        step_phase: f64,
+        /// Control cycles since the start.
+        cycles: u64,
+        /// Cycles that began too late.
+        missed_cycles: u64,
+        /// Cycles whose measured state was too old.
+        stale_inputs: u64,
+        /// 12 entries, rad: reference minus measured.
+        tracking_error_rad: Vec<f64>,
+        /// 12 entries, Nm.
+        commanded_torque_nm: Vec<f64>,
+    }
+    /// What gait to plan. Empty: the behaviour's or the robot's own value; at most one of the three rates.
+    GenerateGaitRequest {
+        /// gait1, gait2, gait3, gait4, amble, or another name in the planner's library.
+        behaviour: String,
+        /// Duration of one step (half a stride), s.
+        step_duration_s: Optional<f64>,
+        /// Steps per second.
+        step_frequency_hz: Optional<f64>,
+        /// Strides per second.
+        stride_frequency_hz: Optional<f64>,
+        /// Height of the swing toes at mid-step, m.
+        clearance_m: Optional<f64>,
+        /// Forward speed, m/s.
+        speed_m_s: Optional<f64>,
+        /// Height of the hip axes above the toe centres, m.
+        height_m: Optional<f64>,
+        /// Lateral distance of the toes from the centre line, m.
+        half_width_m: Optional<f64>,
+    }
+    /// The plan, or why there is none.
+    GenerateGaitResponse {
+        /// The gait is valid.
+        success: bool,
+        /// `converged`, `invalid_request`, `busy`, or the solver's own word.
+        status: String,
+        /// For people: what was wrong, which constraint binds, the nearest value that would do.
+        message: String,
+        /// Valid only when `success`.
+        gait: Gait,
+    }
+    /// A gait file.
+    LoadGaitRequest {
+        /// The file's text.
+        json: String,
+    }
+    /// Whether it was loaded.
+    LoadGaitResponse {
+        /// Loaded.
+        success: bool,
+        /// For people: what was wrong.
+        message: String,
+    }
+    /// The action's feedback: one iteration of the solver.
+    GenerateGaitFeedback {
+        /// Outer iterations done.
+        iteration: u32,
+        /// The whole cost.
+        objective: f64,
+        /// Largest violation of any constraint.
+        max_violation: f64,
+        /// Name of the constraint violated most.
+        worst_constraint: String,
+        /// Since the start of the solve, s.
+        elapsed_s: f64,
+    }
+}
+
+service! {
+    /// Plans a gait.
+    "tandem_msgs" GenerateGait: GenerateGaitRequest -> GenerateGaitResponse
+}
+service! {
+    /// Loads a gait file's text.
+    "tandem_msgs" LoadGait: LoadGaitRequest -> LoadGaitResponse
+}
+
+/// Plans a gait, with progress, cancellable. Goal and result have the fields of the service of the same name.
+#[derive(Clone, Copy, Debug)]
+pub enum GenerateGaitAction {}
+
+impl Action for GenerateGaitAction {
+    const PACKAGE: &'static str = "tandem_msgs";
+    const NAME: &'static str = "GenerateGait";
+    type Goal = GenerateGaitRequest;
+    type Result = GenerateGaitResponse;
+    type Feedback = GenerateGaitFeedback;
+}
