@@ -10,14 +10,7 @@ pub fn basis(s: f64) -> Coefficients {
     let r = 1.0 - s;
     let (s2, r2) = (s * s, r * r);
     let (s3, r3) = (s2 * s, r2 * r);
-    [
-        r2 * r3,
-        5.0 * s * r2 * r2,
-        10.0 * s2 * r3,
-        10.0 * s3 * r2,
-        5.0 * s2 * s2 * r,
-        s2 * s3,
-    ]
+    [r2 * r3, 5.0 * s * r2 * r2, 10.0 * s2 * r3, 10.0 * s3 * r2, 5.0 * s2 * s2 * r, s2 * s3]
 }
 
 /// dB/ds = Σ α_i basis_first_derivative(s)_i. Divide by T for the time derivative.
@@ -25,13 +18,7 @@ pub fn basis_first_derivative(s: f64) -> Coefficients {
     let r = 1.0 - s;
     let (s2, r2) = (s * s, r * r);
     // Bernstein polynomials of degree 4; the derivative's coefficients are 5 (α_{i+1} − α_i).
-    let b = [
-        r2 * r2,
-        4.0 * s * r2 * r,
-        6.0 * s2 * r2,
-        4.0 * s2 * s * r,
-        s2 * s2,
-    ];
+    let b = [r2 * r2, 4.0 * s * r2 * r, 6.0 * s2 * r2, 4.0 * s2 * s * r, s2 * s2];
     let mut d = [0.0; DEGREE + 1];
     for (i, b) in b.into_iter().enumerate() {
         d[i] -= 5.0 * b;

@@ -48,14 +48,10 @@ impl Gait {
     pub fn from_json(text: &str) -> Result<Self, GaitError> {
         let header: Header = serde_json::from_str(text)?;
         if header.format != FILE_FORMAT {
-            return Err(GaitError::Format {
-                found: header.format,
-            });
+            return Err(GaitError::Format { found: header.format });
         }
         if header.version != FILE_VERSION {
-            return Err(GaitError::Version {
-                found: header.version,
-            });
+            return Err(GaitError::Version { found: header.version });
         }
         let f: GaitFile = serde_json::from_str(text)?;
         let gait = Gait {
@@ -107,8 +103,7 @@ impl Gait {
             solver: g.solver,
         };
         // A number that is not finite would become null; every gait is validated, so none is left.
-        serde_json::to_string_pretty(&file).expect("a gait has only strings, numbers and arrays")
-            + "\n"
+        serde_json::to_string_pretty(&file).expect("a gait has only strings, numbers and arrays") + "\n"
     }
 }
 
@@ -119,9 +114,8 @@ mod tests {
 
     /// A standing "gait": every joint stays where it is.
     fn standing() -> Gait {
-        let joint: [f64; JOINTS] = std::array::from_fn(|j| {
-            [0.1, 0.94, 1.88][j % 3] * if j < 6 { 1.0 } else { [-1.0, 1.0, 1.0][j % 3] }
-        });
+        let joint: [f64; JOINTS] =
+            std::array::from_fn(|j| [0.1, 0.94, 1.88][j % 3] * if j < 6 { 1.0 } else { [-1.0, 1.0, 1.0][j % 3] });
         let rows = joint.map(|v| [v; 6]);
         Gait {
             robot: "vision60".into(),
@@ -130,10 +124,7 @@ mod tests {
             step_duration_s: 0.4,
             step_length_m: 0.0,
             coefficients_rad: rows,
-            mirror: Mirror {
-                leg: [2, 3, 0, 1],
-                sign: [-1.0, 1.0, 1.0],
-            },
+            mirror: Mirror { leg: [2, 3, 0, 1], sign: [-1.0, 1.0, 1.0] },
             initial: InitialState {
                 base_position_m: [0.0, 0.0, 0.5825],
                 base_quaternion_xyzw: [0.0, 0.0, 0.0, 1.0],
@@ -170,21 +161,15 @@ mod tests {
     #[test]
     fn a_file_cut_in_half_is_one_clear_error() {
         let text = standing().to_json();
-        let e = Gait::from_json(&text[..text.len() / 2])
-            .unwrap_err()
-            .to_string();
+        let e = Gait::from_json(&text[..text.len() / 2]).unwrap_err().to_string();
         assert!(e.contains("Is it whole?"), "{e}");
     }
 
     #[test]
     fn another_version_is_named_before_any_missing_field() {
-        let e = Gait::from_json(r#"{"format": "tandem-gait", "version": 7}"#)
-            .unwrap_err()
-            .to_string();
+        let e = Gait::from_json(r#"{"format": "tandem-gait", "version": 7}"#).unwrap_err().to_string();
         assert!(e.contains("version is 7, expected 1"), "{e}");
-        let e = Gait::from_json(r#"{"format": "urdf", "version": 1}"#)
-            .unwrap_err()
-            .to_string();
+        let e = Gait::from_json(r#"{"format": "urdf", "version": 1}"#).unwrap_err().to_string();
         assert!(e.contains("format is \"urdf\""), "{e}");
     }
 
@@ -193,13 +178,9 @@ mod tests {
         type Case = (&'static str, fn(&mut Gait));
         let cases: [Case; 9] = [
             ("step_duration_s is NaN", |g| g.step_duration_s = f64::NAN),
-            ("coefficients_rad[13] is NaN", |g| {
-                g.coefficients_rad[2][1] = f64::NAN
-            }),
+            ("coefficients_rad[13] is NaN", |g| g.coefficients_rad[2][1] = f64::NAN),
             ("gains.kp[3] is -1", |g| g.kp[3] = -1.0),
-            ("torque_limit_nm[0] is inf", |g| {
-                g.torque_limit_nm[0] = f64::INFINITY
-            }),
+            ("torque_limit_nm[0] is inf", |g| g.torque_limit_nm[0] = f64::INFINITY),
             ("mirror.leg", |g| g.mirror.leg = [2, 2, 0, 1]),
             ("mirror.sign", |g| g.mirror.sign[0] = 0.5),
             ("norm", |g| g.initial.base_quaternion_xyzw[3] = 2.0),
@@ -220,19 +201,9 @@ mod tests {
         let gait = standing();
         let mut names = gait.joint_names.clone();
         assert!(gait.check_robot("vision60", &names).is_ok());
-        assert!(
-            gait.check_robot("solo12", &names)
-                .unwrap_err()
-                .to_string()
-                .contains("solo12")
-        );
+        assert!(gait.check_robot("solo12", &names).unwrap_err().to_string().contains("solo12"));
         names[7] = "knee".into();
-        assert!(
-            gait.check_robot("vision60", &names)
-                .unwrap_err()
-                .to_string()
-                .contains("joint_names[7]")
-        );
+        assert!(gait.check_robot("vision60", &names).unwrap_err().to_string().contains("joint_names[7]"));
     }
 
     #[test]

@@ -37,11 +37,7 @@ pub enum StepSide {
 impl StepSide {
     /// The side of step number `index`, counted from 0.
     pub fn of_step(index: u64) -> Self {
-        if index.is_multiple_of(2) {
-            Self::First
-        } else {
-            Self::Mirrored
-        }
+        if index.is_multiple_of(2) { Self::First } else { Self::Mirrored }
     }
 
     /// The side of the next step.
@@ -154,9 +150,7 @@ pub enum GaitError {
     #[error("gait file: not readable: {0}. Is it whole? Plan it again with `tandem plan`")]
     Syntax(#[from] serde_json::Error),
     /// Another kind of file.
-    #[error(
-        "gait file: format is \"{found}\", expected \"{FILE_FORMAT}\": this is not a gait file"
-    )]
+    #[error("gait file: format is \"{found}\", expected \"{FILE_FORMAT}\": this is not a gait file")]
     Format {
         /// What the file says.
         found: String,
@@ -180,9 +174,7 @@ pub enum GaitError {
         problem: String,
     },
     /// Planned for another robot.
-    #[error(
-        "gait \"{gait}\" was planned for robot \"{found}\", this robot is \"{expected}\": plan it for this robot"
-    )]
+    #[error("gait \"{gait}\" was planned for robot \"{found}\", this robot is \"{expected}\": plan it for this robot")]
     Robot {
         /// The gait's name.
         gait: String,
@@ -212,9 +204,7 @@ impl Gait {
     ) -> ([f64; JOINTS], [f64; JOINTS]) {
         let (value, slope) = (bezier::basis(s), bezier::basis_first_derivative(s));
         let position = std::array::from_fn(|j| bezier::combine(&coefficients[j], &value));
-        let velocity = std::array::from_fn(|j| {
-            bezier::combine(&coefficients[j], &slope) / self.step_duration_s
-        });
+        let velocity = std::array::from_fn(|j| bezier::combine(&coefficients[j], &slope) / self.step_duration_s);
         match side {
             StepSide::First => (position, velocity),
             StepSide::Mirrored => (self.mirror.apply(&position), self.mirror.apply(&velocity)),
@@ -227,11 +217,7 @@ impl Gait {
     }
 
     /// Refuses a gait that belongs to another robot: `robot` is this robot's name, `joint_names` its joints.
-    pub fn check_robot(
-        &self,
-        robot: &str,
-        joint_names: &[String; JOINTS],
-    ) -> Result<(), GaitError> {
+    pub fn check_robot(&self, robot: &str, joint_names: &[String; JOINTS]) -> Result<(), GaitError> {
         if self.robot != robot {
             return Err(GaitError::Robot {
                 gait: self.name.clone(),
@@ -251,21 +237,13 @@ impl Gait {
     }
 
     fn refuse(&self, field: impl Into<String>, problem: impl Into<String>) -> GaitError {
-        GaitError::Value {
-            gait: self.name.clone(),
-            field: field.into(),
-            problem: problem.into(),
-        }
+        GaitError::Value { gait: self.name.clone(), field: field.into(), problem: problem.into() }
     }
 
     /// Checks every value: finite, in range, and the step's end meeting the mirrored start.
     pub fn validate(&self) -> Result<(), GaitError> {
-        let finite = |field: &str, values: &[f64]| match values.iter().position(|v| !v.is_finite())
-        {
-            Some(i) => Err(self.refuse(
-                format!("{field}[{i}]"),
-                format!("is {}, expected a finite number", values[i]),
-            )),
+        let finite = |field: &str, values: &[f64]| match values.iter().position(|v| !v.is_finite()) {
+            Some(i) => Err(self.refuse(format!("{field}[{i}]"), format!("is {}, expected a finite number", values[i]))),
             None => Ok(()),
         };
         let t = self.step_duration_s;
@@ -274,48 +252,24 @@ impl Gait {
         }
         finite("step_length_m", &[self.step_length_m])?;
         finite("coefficients_rad", self.coefficients_rad.as_flattened())?;
-        finite(
-            "reference_coefficients_rad",
-            self.reference_coefficients_rad.as_flattened(),
-        )?;
+        finite("reference_coefficients_rad", self.reference_coefficients_rad.as_flattened())?;
         let i = &self.initial;
         finite("initial.base_position_m", &i.base_position_m)?;
         finite("initial.base_quaternion_xyzw", &i.base_quaternion_xyzw)?;
-        finite(
-            "initial.base_linear_velocity_world",
-            &i.base_linear_velocity_world,
-        )?;
-        finite(
-            "initial.base_angular_velocity_body",
-            &i.base_angular_velocity_body,
-        )?;
+        finite("initial.base_linear_velocity_world", &i.base_linear_velocity_world)?;
+        finite("initial.base_angular_velocity_body", &i.base_angular_velocity_body)?;
         finite("initial.joint_position_rad", &i.joint_position_rad)?;
         finite("initial.joint_velocity_rad_s", &i.joint_velocity_rad_s)?;
-        let norm = i
-            .base_quaternion_xyzw
-            .iter()
-            .map(|v| v * v)
-            .sum::<f64>()
-            .sqrt();
+        let norm = i.base_quaternion_xyzw.iter().map(|v| v * v).sum::<f64>().sqrt();
         if (norm - 1.0).abs() > 1e-6 {
-            return Err(self.refuse(
-                "initial.base_quaternion_xyzw",
-                format!("has norm {norm}, expected 1"),
-            ));
+            return Err(self.refuse("initial.base_quaternion_xyzw", format!("has norm {norm}, expected 1")));
         }
         for (field, values) in [("gains.kp", &self.kp), ("gains.kd", &self.kd)] {
             if let Some(j) = values.iter().position(|v| !(0.0..=1e5).contains(v)) {
-                return Err(self.refuse(
-                    format!("{field}[{j}]"),
-                    format!("is {}, expected 0 to 1e5", values[j]),
-                ));
+                return Err(self.refuse(format!("{field}[{j}]"), format!("is {}, expected 0 to 1e5", values[j])));
             }
         }
-        if let Some(j) = self
-            .torque_limit_nm
-            .iter()
-            .position(|v| !(*v > 0.0 && v.is_finite()))
-        {
+        if let Some(j) = self.torque_limit_nm.iter().position(|v| !(*v > 0.0 && v.is_finite())) {
             return Err(self.refuse(
                 format!("torque_limit_nm[{j}]"),
                 format!("is {}, expected a positive number", self.torque_limit_nm[j]),
@@ -326,34 +280,24 @@ impl Gait {
             if from >= LEGS || std::mem::replace(&mut seen[from], true) {
                 return Err(self.refuse(
                     "mirror.leg",
-                    format!(
-                        "{:?} at leg {leg}: expected a permutation of 0 to 3",
-                        self.mirror.leg
-                    ),
+                    format!("{:?} at leg {leg}: expected a permutation of 0 to 3", self.mirror.leg),
                 ));
             }
             if self.mirror.leg[from] != leg {
                 return Err(self.refuse(
                     "mirror.leg",
-                    format!(
-                        "{:?}: mirroring twice must give the same leg again",
-                        self.mirror.leg
-                    ),
+                    format!("{:?}: mirroring twice must give the same leg again", self.mirror.leg),
                 ));
             }
         }
         if self.mirror.sign.iter().any(|s| s.abs() != 1.0) {
-            return Err(self.refuse(
-                "mirror.sign",
-                format!("{:?}: expected 1 or -1", self.mirror.sign),
-            ));
+            return Err(self.refuse("mirror.sign", format!("{:?}: expected 1 or -1", self.mirror.sign)));
         }
         for (a, name) in self.joint_names.iter().enumerate() {
             if name.is_empty() || self.joint_names[..a].contains(name) {
-                return Err(self.refuse(
-                    format!("joint_names[{a}]"),
-                    format!("is \"{name}\": expected twelve different names"),
-                ));
+                return Err(
+                    self.refuse(format!("joint_names[{a}]"), format!("is \"{name}\": expected twelve different names"))
+                );
             }
         }
         self.check_continuity()
@@ -369,7 +313,11 @@ impl Gait {
             if (end[j] - next[j]).abs() > JUMP_RAD {
                 return Err(self.refuse(
                     "coefficients_rad",
-                    format!("let {} jump by {:.3} rad at the switch of steps, expected at most {JUMP_RAD}", self.joint_names[j], end[j] - next[j]),
+                    format!(
+                        "let {} jump by {:.3} rad at the switch of steps, expected at most {JUMP_RAD}",
+                        self.joint_names[j],
+                        end[j] - next[j]
+                    ),
                 ));
             }
             let initial = self.initial.joint_position_rad[j];

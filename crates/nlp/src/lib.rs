@@ -1,1 +1,18 @@
-//! Nonlinear programs: the problem trait, a sequential quadratic programming solver, and honest statuses.
+//! Nonlinear programs
+//!
+//! ```text
+//!     minimise    f(x)
+//!     subject to  g_L ≤ g(x) ≤ g_U
+//!                 x_L ≤  x   ≤ x_U
+//! ```
+//!
+//! with sparse analytic first derivatives and a positive semidefinite approximation of the Hessian (Gauss–Newton, or exact
+//! where the objective is convex), and a sequential quadratic programming solver whose convex subproblems Clarabel solves.
+//! This crate knows no robot: it names a constraint by asking the problem.
+
+mod problem;
+mod qp;
+mod sqp;
+
+pub use problem::{Bounds, Evaluation, Pattern, Problem, ProblemError};
+pub use sqp::{Iteration, Settings, SettingsError, Solution, SqpSolver, Status, Violation};

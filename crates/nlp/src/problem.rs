@@ -1,0 +1,163 @@
+//! The problem trait and the shapes that go with it.
+
+/// Where the nonzeros of a sparse matrix are: `(row, column)` pairs, in the order in which values are given.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct Pattern(pub Vec<(usize, usize)>);
+
+impl Pattern {
+    /// Number of nonzeros.
+    pub fn len(&self) -> usize {
+        self.0.len()
+    }
+
+    /// Whether there is none.
+    pub fn is_empty(&self) -> bool {
+        self.0.is_empty()
+    }
+}
+
+/// Lower and upper bounds of the variables and of the constraints; infinite where there is none, equal for an equality.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Bounds {
+    /// x_L.
+    pub variable_lower: Vec<f64>,
+    /// x_U.
+    pub variable_upper: Vec<f64>,
+    /// g_L.
+    pub constraint_lower: Vec<f64>,
+    /// g_U.
+    pub constraint_upper: Vec<f64>,
+}
+
+/// Values and derivatives at one point.
+#[derive(Clone, Debug)]
+pub struct Evaluation {
+    /// f(x).
+    pub objective: f64,
+    /// ∇f(x), one entry a variable.
+    pub gradient: Vec<f64>,
+    /// g(x), one entry a constraint.
+    pub constraints: Vec<f64>,
+    /// Values of ∂g/∂x on the problem's Jacobian pattern.
+    pub jacobian: Vec<f64>,
+    /// Values of the Hessian's upper triangle on the problem's Hessian pattern.
+    pub hessian: Vec<f64>,
+}
+
+/// A nonlinear program. Patterns and bounds stay the same from one call to the next.
+pub trait Problem {
+    /// Bounds; their lengths give the numbers of variables and constraints.
+    fn bounds(&self) -> &Bounds;
+
+    /// Nonzeros of ∂g/∂x, each once.
+    fn jacobian_pattern(&self) -> &Pattern;
+
+    /// Nonzeros of the upper triangle (row ≤ column) of the Hessian approximation, each once.
+    fn hessian_pattern(&self) -> &Pattern;
+
+    /// Values and derivatives at `x`.
+    fn evaluate(&mut self, x: &[f64], evaluation: &mut Evaluation);
+
+    /// Values alone, for the line search: writes g(x) and returns f(x).
+    fn values(&mut self, x: &[f64], constraints: &mut [f64]) -> f64;
+
+    /// What constraint `row` is, for a person.
+    fn constraint_name(&self, row: usize) -> String;
+
+    /// What variable `column` is, for a person.
+    fn variable_name(&self, column: usize) -> String;
+}
+
+/// A problem that contradicts itself before the first iteration.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+pub enum ProblemError {
+    /// A lower bound above its upper bound, or a bound that is not a number.
+    #[error("{name}: the lower bound {lower} and the upper bound {upper} leave nothing")]
+    Bounds {
+        /// The variable's or constraint's name.
+        name: String,
+        /// Lower bound.
+        lower: f64,
+        /// Upper bound.
+        upper: f64,
+    },
+    /// Lengths that do not fit, or an index out of range.
+    #[error("the problem's {what} has length or index {found}, expected {expected}")]
+    Shape {
+        /// Which array.
+        what: &'static str,
+        /// What was found.
+        found: usize,
+        /// What was expected.
+        expected: usize,
+    },
+    /// The start is not a number somewhere.
+    #[error("the start of {name} is {value}, expected a finite number")]
+    Start {
+        /// The variable's name.
+        name: String,
+        /// Its value.
+        value: f64,
+    },
+}
+
+impl Evaluation {
+    /// Room for a problem's values.
+    pub fn new(problem: &impl Problem) -> Self {
+        let bounds = problem.bounds();
+        Self {
+            objective: 0.0,
+            gradient: vec![0.0; bounds.variable_lower.len()],
+            constraints: vec![0.0; bounds.constraint_lower.len()],
+            jacobian: vec![0.0; problem.jacobian_pattern().len()],
+            hessian: vec![0.0; problem.hessian_pattern().len()],
+        }
+    }
+}
+
+/// By how much `value` is outside [lower, upper].
+pub(crate) fn outside(value: f64, lower: f64, upper: f64) -> f64 {
+    // A value that is not a number is as far outside as can be; the comparisons below would call it inside.
+    if value.is_nan() { f64::INFINITY } else { (lower - value).max(value - upper).max(0.0) }
+}
+
+pub(crate) fn check(problem: &impl Problem, start: &[f64]) -> Result<(), ProblemError> {
+    let b = problem.bounds();
+    let (n, m) = (b.variable_lower.len(), b.constraint_lower.len());
+    for (what, found, expected) in [
+        ("variable_upper", b.variable_upper.len(), n),
+        ("constraint_upper", b.constraint_upper.len(), m),
+        ("start", start.len(), n),
+    ] {
+        if found != expected {
+            return Err(ProblemError::Shape { what, found, expected });
+        }
+    }
+    for &(row, column) in &problem.jacobian_pattern().0 {
+        if row >= m || column >= n {
+            return Err(ProblemError::Shape { what: "jacobian_pattern", found: row.max(column), expected: m.max(n) });
+        }
+    }
+    for &(row, column) in &problem.hessian_pattern().0 {
+        if row > column || column >= n {
+            return Err(ProblemError::Shape { what: "hessian_pattern", found: row, expected: column });
+        }
+    }
+    let bad = |lower: f64, upper: f64| lower.is_nan() || upper.is_nan() || lower > upper;
+    for i in 0..n {
+        let (lower, upper) = (b.variable_lower[i], b.variable_upper[i]);
+        if bad(lower, upper) {
+            return Err(ProblemError::Bounds { name: problem.variable_name(i), lower, upper });
+        }
+        if !start[i].is_finite() {
+            return Err(ProblemError::Start { name: problem.variable_name(i), value: start[i] });
+        }
+    }
+    for i in 0..m {
+        let (lower, upper) = (b.constraint_lower[i], b.constraint_upper[i]);
+        if bad(lower, upper) {
+            return Err(ProblemError::Bounds { name: problem.constraint_name(i), lower, upper });
+        }
+    }
+    Ok(())
+}

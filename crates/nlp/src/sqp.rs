@@ -1,0 +1,367 @@
+//! Sequential quadratic programming with an ℓ₁ merit function, a second-order correction and an elastic mode
+//! (Nocedal & Wright, Numerical Optimization, 2nd ed., sections 18.3–18.5 and algorithm 18.3).
+
+use crate::problem::{Evaluation, Problem, ProblemError, check, outside};
+use crate::qp::{Qp, QpError, Step};
+use std::ops::ControlFlow;
+
+/// When to stop and how.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Settings {
+    /// Converged: the objective that the last subproblem still promises to gain, relative to max(1, |f|), is at most this.
+    pub objective_tolerance: f64,
+    /// Converged: no constraint is broken by more than this, in its own unit.
+    pub constraint_tolerance: f64,
+    /// Give up after so many iterations.
+    pub max_iterations: u32,
+    /// Multiplies the objective inside the subproblems, so that their absolute tolerance of 1e-8 fits it.
+    pub objective_scale: f64,
+}
+
+impl Default for Settings {
+    fn default() -> Self {
+        Self { objective_tolerance: 1e-8, constraint_tolerance: 1e-6, max_iterations: 100, objective_scale: 1.0 }
+    }
+}
+
+/// A setting that no solve can run with.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+#[error("solver setting {name} is {value}, expected {expected}")]
+pub struct SettingsError {
+    name: &'static str,
+    value: f64,
+    expected: &'static str,
+}
+
+/// The most broken constraint.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Violation {
+    /// What the problem calls it.
+    pub name: String,
+    /// By how much it is broken, in its own unit.
+    pub amount: f64,
+}
+
+/// How a solve ended. Only [`Status::Converged`] is a solution.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Status {
+    /// Both tolerances hold.
+    Converged,
+    /// No point near here satisfies the constraints, the worst first.
+    Infeasible {
+        /// Constraints that are broken where the violation is smallest.
+        fighting: Vec<Violation>,
+    },
+    /// The iterations ran out.
+    IterationLimit,
+    /// No progress was possible.
+    NumericalTrouble {
+        /// What failed.
+        reason: String,
+    },
+    /// The caller asked to stop.
+    Cancelled,
+}
+
+impl std::fmt::Display for Status {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        match self {
+            Self::Converged => f.write_str("converged"),
+            Self::Infeasible { .. } => f.write_str("infeasible"),
+            Self::IterationLimit => f.write_str("iteration limit"),
+            Self::NumericalTrouble { reason } => write!(f, "numerical trouble: {reason}"),
+            Self::Cancelled => f.write_str("cancelled"),
+        }
+    }
+}
+
+/// One iteration, for the log and for progress.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Iteration {
+    /// Counted from 1.
+    pub number: u32,
+    /// f at the point that the iteration started from.
+    pub objective: f64,
+    /// Largest violation there.
+    pub max_violation: f64,
+    /// Largest entry of the Lagrangian's gradient there, with this iteration's multipliers.
+    pub stationarity: f64,
+    /// Fraction of the subproblem's step that was taken.
+    pub step_length: f64,
+    /// Largest entry of the step.
+    pub step_norm: f64,
+    /// Interior-point iterations of the subproblem.
+    pub qp_iterations: u32,
+    /// Whether constraints had to be relaxed for the subproblem to have a solution.
+    pub elastic: bool,
+}
+
+/// What a solve came to.
+#[derive(Clone, Debug)]
+pub struct Solution {
+    /// How it ended.
+    pub status: Status,
+    /// The last point.
+    pub x: Vec<f64>,
+    /// f there.
+    pub objective: f64,
+    /// The most broken constraint there.
+    pub worst: Violation,
+    /// Multiplier of every constraint: positive at its upper bound, negative at its lower.
+    pub multipliers: Vec<f64>,
+    /// Every iteration.
+    pub log: Vec<Iteration>,
+}
+
+impl Solution {
+    /// Iterations taken.
+    pub fn iterations(&self) -> u32 {
+        self.log.len() as u32
+    }
+}
+
+/// The solver.
+#[derive(Clone, Debug, Default)]
+pub struct SqpSolver {
+    settings: Settings,
+}
+
+/// Constraints named when a solve ends infeasible.
+const NAMED: usize = 5;
+/// A step shorter than this is no progress.
+const SHORTEST_STEP: f64 = 1e-8;
+
+impl SqpSolver {
+    /// Checks the settings.
+    pub fn new(settings: Settings) -> Result<Self, SettingsError> {
+        for (name, value) in [
+            ("objective_tolerance", settings.objective_tolerance),
+            ("constraint_tolerance", settings.constraint_tolerance),
+            ("objective_scale", settings.objective_scale),
+        ] {
+            if !(value > 0.0 && value.is_finite()) {
+                return Err(SettingsError { name, value, expected: "a positive number" });
+            }
+        }
+        if settings.max_iterations == 0 {
+            return Err(SettingsError { name: "max_iterations", value: 0.0, expected: "at least 1" });
+        }
+        Ok(Self { settings })
+    }
+
+    /// Solves from `start` (moved inside the variables' bounds first). `progress` sees every iteration and may stop it.
+    pub fn solve<P: Problem>(
+        &self,
+        problem: &mut P,
+        start: &[f64],
+        mut progress: impl FnMut(&Iteration) -> ControlFlow<()>,
+    ) -> Result<Solution, ProblemError> {
+        check(problem, start)?;
+        let bounds = problem.bounds().clone();
+        let (n, m) = (bounds.variable_lower.len(), bounds.constraint_lower.len());
+        let mut x: Vec<f64> =
+            (0..n).map(|i| start[i].clamp(bounds.variable_lower[i], bounds.variable_upper[i])).collect();
+        let mut at = Evaluation::new(problem);
+        problem.evaluate(&x, &mut at);
+        let mut strict = Qp::new(problem, false, self.settings.objective_scale);
+        let mut elastic: Option<Qp> = None;
+        let mut prices = vec![0.0; m];
+        let mut multipliers = vec![0.0_f64; m];
+        let mut log: Vec<Iteration> = Vec::new();
+        let mut trial = vec![0.0; n];
+        let mut trial_constraints = vec![0.0; m];
+        let violation = |g: &[f64], i: usize| outside(g[i], bounds.constraint_lower[i], bounds.constraint_upper[i]);
+
+        let status = loop {
+            if at.gradient.iter().chain(&at.constraints).chain(&at.jacobian).any(|v| !v.is_finite()) {
+                break Status::NumericalTrouble { reason: "a value or derivative is not a number".into() };
+            }
+            let max_violation = (0..m).map(|i| violation(&at.constraints, i)).fold(0.0, f64::max);
+            let (step, relaxed) = match strict.solve(problem, &x, &at, &at.constraints) {
+                Ok(step) => (step, false),
+                // Clarabel proves infeasibility of a nearly infeasible subproblem only slowly; the elastic variant,
+                // which always has a solution, decides in both cases.
+                Err(QpError::Infeasible | QpError::Stopped(_)) => {
+                    let qp = elastic.get_or_insert_with(|| Qp::new(problem, true, self.settings.objective_scale));
+                    // Well above the multipliers, so that nothing is broken that need not be.
+                    qp.price = 1e3 * multipliers.iter().fold(1.0, |a: f64, l| a.max(l.abs()));
+                    match qp.solve(problem, &x, &at, &at.constraints) {
+                        Ok(step) => (step, true),
+                        Err(e) => {
+                            break Status::NumericalTrouble { reason: format!("the subproblem found no step: {e}") };
+                        }
+                    }
+                }
+            };
+            let stationarity = stationarity(problem, &at, &step);
+            multipliers.copy_from_slice(&step.constraint_multipliers);
+            let slope: f64 = at.gradient.iter().zip(&step.step).map(|(g, p)| g * p).sum();
+            let curvature = quadratic(problem, &at, &step.step);
+            let mut iteration = Iteration {
+                number: log.len() as u32 + 1,
+                objective: at.objective,
+                max_violation,
+                stationarity,
+                step_length: 0.0,
+                step_norm: step.step.iter().fold(0.0, |a: f64, p| a.max(p.abs())),
+                qp_iterations: step.iterations,
+                elastic: relaxed,
+            };
+            let scale = at.objective.abs().max(1.0);
+            let feasible = max_violation <= self.settings.constraint_tolerance;
+            if !relaxed && feasible && (slope + 0.5 * curvature).abs() <= self.settings.objective_tolerance * scale {
+                log.push(iteration);
+                break Status::Converged;
+            }
+            if log.len() as u32 == self.settings.max_iterations {
+                break Status::IterationLimit;
+            }
+
+            // Powell's rule: each price at least its multiplier, falling slowly where it was larger.
+            for (price, multiplier) in prices.iter_mut().zip(&multipliers) {
+                *price = multiplier.abs().max(0.5 * (*price + multiplier.abs()));
+            }
+            let merit =
+                |objective: f64, g: &[f64]| objective + (0..m).map(|i| prices[i] * violation(g, i)).sum::<f64>();
+            let merit_here = merit(at.objective, &at.constraints);
+            let linearised = linearised(problem, &at, &step.step);
+            let broken_here: f64 = (0..m).map(|i| prices[i] * violation(&at.constraints, i)).sum();
+            let broken_there: f64 = (0..m).map(|i| prices[i] * violation(&linearised, i)).sum();
+            // Directional derivative of the merit function along the step, from the linear model.
+            let descent = (slope + broken_there - broken_here).min(0.0);
+
+            let mut length = 1.0;
+            let mut corrected = false;
+            let accepted = loop {
+                for i in 0..n {
+                    trial[i] = (x[i] + length * step.step[i]).clamp(bounds.variable_lower[i], bounds.variable_upper[i]);
+                }
+                let objective = problem.values(&trial, &mut trial_constraints);
+                let merit_there = merit(objective, &trial_constraints);
+                // The last term forgives rounding where the merit function cannot resolve the step any more.
+                if merit_there <= merit_here + 1e-4 * length * descent + 1e-12 * merit_here.abs().max(1.0) {
+                    break true;
+                }
+                if length == 1.0 && !relaxed && !corrected {
+                    corrected = true;
+                    if let Some(p) =
+                        self.second_order_correction(problem, &mut strict, &x, &at, &step, &trial_constraints)
+                    {
+                        for i in 0..n {
+                            trial[i] = (x[i] + p[i]).clamp(bounds.variable_lower[i], bounds.variable_upper[i]);
+                        }
+                        let objective = problem.values(&trial, &mut trial_constraints);
+                        if merit(objective, &trial_constraints) <= merit_here + 1e-4 * descent {
+                            break true;
+                        }
+                    }
+                }
+                length *= 0.5;
+                if length < SHORTEST_STEP {
+                    break false;
+                }
+            };
+            iteration.step_length = if accepted { length } else { 0.0 };
+            log.push(iteration);
+            if progress(log.last().expect("pushed above")).is_break() {
+                break Status::Cancelled;
+            }
+            // Relaxed, and the linear model sees no way to break the constraints less: a stationary point of violation.
+            let stuck = relaxed && broken_here - broken_there <= 1e-6 * broken_here;
+            if !accepted || (stuck && !feasible) {
+                break if feasible {
+                    Status::NumericalTrouble { reason: "no step improves the point".into() }
+                } else if relaxed {
+                    Status::Infeasible { fighting: self.broken(problem, &at) }
+                } else {
+                    Status::NumericalTrouble {
+                        reason: "the line search found no step that brings the constraints nearer".into(),
+                    }
+                };
+            }
+            x.copy_from_slice(&trial);
+            problem.evaluate(&x, &mut at);
+        };
+        let worst = worst(problem, &at);
+        Ok(Solution { status, x, objective: at.objective, worst, multipliers, log })
+    }
+
+    /// The step whose linearised constraints are corrected by what the full step left over (Nocedal & Wright, 18.36).
+    fn second_order_correction<P: Problem>(
+        &self,
+        problem: &P,
+        qp: &mut Qp,
+        x: &[f64],
+        at: &Evaluation,
+        step: &Step,
+        constraints_there: &[f64],
+    ) -> Option<Vec<f64>> {
+        if constraints_there.iter().any(|v| !v.is_finite()) {
+            return None;
+        }
+        let mut shifted = constraints_there.to_vec();
+        for (&(row, column), value) in problem.jacobian_pattern().0.iter().zip(&at.jacobian) {
+            shifted[row] -= value * step.step[column];
+        }
+        // A correction that cannot be had is no failure: the line search goes on without it.
+        qp.solve(problem, x, at, &shifted).ok().map(|s| s.step)
+    }
+
+    fn broken<P: Problem>(&self, problem: &P, at: &Evaluation) -> Vec<Violation> {
+        let b = problem.bounds();
+        let mut all: Vec<(f64, usize)> = at
+            .constraints
+            .iter()
+            .enumerate()
+            .map(|(i, g)| (outside(*g, b.constraint_lower[i], b.constraint_upper[i]), i))
+            .filter(|(amount, _)| *amount > self.settings.constraint_tolerance)
+            .collect();
+        all.sort_by(|a, b| b.0.total_cmp(&a.0));
+        all.truncate(NAMED);
+        all.into_iter().map(|(amount, i)| Violation { name: problem.constraint_name(i), amount }).collect()
+    }
+}
+
+fn worst<P: Problem>(problem: &P, at: &Evaluation) -> Violation {
+    let b = problem.bounds();
+    let (row, amount) = at
+        .constraints
+        .iter()
+        .enumerate()
+        .map(|(i, g)| (i, outside(*g, b.constraint_lower[i], b.constraint_upper[i])))
+        .max_by(|a, b| a.1.total_cmp(&b.1))
+        .unwrap_or((0, 0.0));
+    let name = if at.constraints.is_empty() { "none".into() } else { problem.constraint_name(row) };
+    Violation { name, amount }
+}
+
+/// g + J p.
+fn linearised<P: Problem>(problem: &P, at: &Evaluation, p: &[f64]) -> Vec<f64> {
+    let mut g = at.constraints.clone();
+    for (&(row, column), value) in problem.jacobian_pattern().0.iter().zip(&at.jacobian) {
+        g[row] += value * p[column];
+    }
+    g
+}
+
+/// pᵀ H p.
+fn quadratic<P: Problem>(problem: &P, at: &Evaluation, p: &[f64]) -> f64 {
+    let pattern = &problem.hessian_pattern().0;
+    pattern
+        .iter()
+        .zip(&at.hessian)
+        .map(|(&(row, column), h)| if row == column { h * p[row] * p[row] } else { 2.0 * h * p[row] * p[column] })
+        .sum()
+}
+
+/// Largest entry of ∇f + Jᵀ λ + bound multipliers.
+fn stationarity<P: Problem>(problem: &P, at: &Evaluation, step: &Step) -> f64 {
+    let mut r = at.gradient.clone();
+    for (&(row, column), value) in problem.jacobian_pattern().0.iter().zip(&at.jacobian) {
+        r[column] += value * step.constraint_multipliers[row];
+    }
+    r.iter().zip(&step.variable_multipliers).fold(0.0, |a: f64, (r, z)| a.max((r + z).abs()))
+}
+
+#[cfg(test)]
+mod tests;
