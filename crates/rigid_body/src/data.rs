@@ -1,0 +1,109 @@
+use nalgebra::{DMatrix, DVector, Matrix3, Matrix3xX, Vector3};
+
+use crate::model::Model;
+use crate::spatial::{Composite, Force, Motion};
+
+/// What the recursions know of one joint and its body. World axes, about the reference point.
+#[derive(Debug, Clone)]
+pub(crate) struct Body {
+    /// Body axes to world axes.
+    pub rotation: Matrix3<f64>,
+    /// The body's origin from the reference point.
+    pub position: Vector3<f64>,
+    /// S: the motion of the body for a unit joint rate.
+    pub axis: Motion,
+    /// v of the body.
+    pub velocity: Motion,
+    /// Spatial acceleration of the body, gravity not included.
+    pub acceleration: Motion,
+    /// Ṡ = v_parent × S.
+    pub axis_rate: Motion,
+    /// S̈-like term (a_parent − g) × S + v_parent × Ṡ, with gravity included.
+    pub axis_rate_2: Motion,
+    /// I a + v ×* I v − I g, of the body, then of its subtree.
+    pub force: Force,
+    /// Inertia of the body, then of its subtree.
+    pub composite: Composite,
+    /// Σ m ṗ pᵀ and Σ m ṗ of the body, then of its subtree.
+    pub moment_rate: Matrix3<f64>,
+    pub momentum: Vector3<f64>,
+}
+
+/// Workspace and results of every algorithm, for one [`Model`].
+#[derive(Debug, Clone)]
+pub struct Data {
+    pub(crate) bodies: Vec<Body>,
+    /// The reference point in the world.
+    pub(crate) origin: Vector3<f64>,
+    pub(crate) articulated: Vec<crate::forward::Articulated>,
+    /// Generalised forces, dof; written by `rnea`, `bias_forces` and `rnea_derivatives`.
+    pub tau: DVector<f64>,
+    /// Generalised accelerations, dof; written by `aba`.
+    pub acceleration: DVector<f64>,
+    /// M(q), dof × dof, symmetric and full; written by `crba` and `rnea_derivatives`. It is ∂τ/∂a.
+    pub mass_matrix: DMatrix<f64>,
+    /// ∂τ/∂q, dof × dof; written by `rnea_derivatives`.
+    pub dtau_dq: DMatrix<f64>,
+    /// ∂τ/∂v, dof × dof; written by `rnea_derivatives`.
+    pub dtau_dv: DMatrix<f64>,
+    /// Result of the point functions.
+    pub point: PointKinematics,
+}
+
+/// Motion of a frame's origin in world axes, with its derivatives.
+#[derive(Debug, Clone)]
+pub struct PointKinematics {
+    /// Position, m.
+    pub position: Vector3<f64>,
+    /// Velocity J v, m/s.
+    pub velocity: Vector3<f64>,
+    /// Classical acceleration J a + J̇ v, m/s².
+    pub acceleration: Vector3<f64>,
+    /// J = ∂position/∂q = ∂velocity/∂v = ∂acceleration/∂a, 3 × dof.
+    pub jacobian: Matrix3xX<f64>,
+    /// ∂velocity/∂q = J̇, 3 × dof; written by the derivative functions only.
+    pub dvelocity_dq: Matrix3xX<f64>,
+    /// ∂acceleration/∂q, 3 × dof; written by the derivative functions only.
+    pub dacceleration_dq: Matrix3xX<f64>,
+    /// ∂acceleration/∂v = 2 J̇, 3 × dof; written by the derivative functions only.
+    pub dacceleration_dv: Matrix3xX<f64>,
+}
+
+impl Data {
+    /// All the memory that the algorithms need for this model.
+    pub fn new(model: &Model) -> Self {
+        let n = model.dof();
+        let body = Body {
+            rotation: Matrix3::identity(),
+            position: Vector3::zeros(),
+            axis: Motion::ZERO,
+            velocity: Motion::ZERO,
+            acceleration: Motion::ZERO,
+            axis_rate: Motion::ZERO,
+            axis_rate_2: Motion::ZERO,
+            force: Force::ZERO,
+            composite: Composite::ZERO,
+            moment_rate: Matrix3::zeros(),
+            momentum: Vector3::zeros(),
+        };
+        Self {
+            bodies: vec![body; n],
+            origin: Vector3::zeros(),
+            articulated: vec![Default::default(); n],
+            tau: DVector::zeros(n),
+            acceleration: DVector::zeros(n),
+            mass_matrix: DMatrix::zeros(n, n),
+            dtau_dq: DMatrix::zeros(n, n),
+            dtau_dv: DMatrix::zeros(n, n),
+            point: PointKinematics {
+                position: Vector3::zeros(),
+                velocity: Vector3::zeros(),
+                acceleration: Vector3::zeros(),
+                jacobian: Matrix3xX::zeros(n),
+                dvelocity_dq: Matrix3xX::zeros(n),
+                dacceleration_dq: Matrix3xX::zeros(n),
+                dacceleration_dv: Matrix3xX::zeros(n),
+            },
+        }
+    }
+}

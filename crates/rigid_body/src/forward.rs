@@ -1,0 +1,131 @@
+//! Forward dynamics by the articulated-body algorithm.
+
+use nalgebra::{DVector, Matrix3};
+
+use crate::PointForce;
+use crate::data::Data;
+use crate::dynamics::world_inertia;
+use crate::kinematics::{VELOCITY, forward_pass};
+use crate::model::Model;
+use crate::spatial::{Force, Motion};
+
+/// Articulated inertia [[rotational, coupling], [couplingᵀ, translational]] and bias force of a body.
+#[derive(Debug, Clone)]
+pub(crate) struct Articulated {
+    rotational: Matrix3<f64>,
+    coupling: Matrix3<f64>,
+    translational: Matrix3<f64>,
+    bias: Force,
+    /// U = I S.
+    reaction: Force,
+    /// 1 / Sᵀ U.
+    inverse: f64,
+    /// τ − Sᵀ bias.
+    drive: f64,
+}
+
+impl Default for Articulated {
+    fn default() -> Self {
+        Self {
+            rotational: Matrix3::zeros(),
+            coupling: Matrix3::zeros(),
+            translational: Matrix3::zeros(),
+            bias: Force::ZERO,
+            reaction: Force::ZERO,
+            inverse: 0.0,
+            drive: 0.0,
+        }
+    }
+}
+
+impl Articulated {
+    #[inline(always)]
+    fn times(&self, u: &Motion) -> Force {
+        Force {
+            moment: self.rotational * u.angular + self.coupling * u.linear,
+            force: self.coupling.tr_mul(&u.angular) + self.translational * u.linear,
+        }
+    }
+}
+
+/// Forward dynamics by the articulated-body algorithm (Featherstone, section 7.3): the a that solves
+/// M(q) a + h(q, v) = τ + Σ J_kᵀ f_k, dof entries.
+///
+/// # Panics
+///
+/// If q, v or tau does not have `dof` entries, or a frame is not part of the model.
+pub fn aba<'d>(
+    model: &Model,
+    data: &'d mut Data,
+    q: &[f64],
+    v: &[f64],
+    tau: &[f64],
+    forces: &[PointForce],
+) -> &'d DVector<f64> {
+    forward_pass::<VELOCITY>(model, data, q, v, &[]);
+    assert_eq!(tau.len(), model.dof(), "tau has the wrong length");
+    let Data {
+        bodies,
+        articulated,
+        acceleration,
+        ..
+    } = data;
+
+    for ((joint, body), art) in model
+        .joints
+        .iter()
+        .zip(bodies.iter_mut())
+        .zip(&mut *articulated)
+    {
+        let inertia = world_inertia(joint, body);
+        art.rotational = Matrix3::identity() * inertia.second.trace() - inertia.second;
+        art.coupling = inertia.first.cross_matrix();
+        art.translational = Matrix3::identity() * inertia.mass;
+        art.bias = body.velocity.cross_force(&inertia.times(&body.velocity));
+        art.bias.moment -= inertia.first.cross(&model.gravity);
+        art.bias.force -= model.gravity * inertia.mass;
+    }
+    for (frame, force) in forces {
+        let (place, frame) = model.body_of(*frame);
+        let body = &bodies[place];
+        let p = body.position + body.rotation * frame.translation;
+        articulated[place].bias.moment -= p.cross(force);
+        articulated[place].bias.force -= force;
+    }
+    for (i, joint) in model.joints.iter().enumerate().rev() {
+        let (above, rest) = articulated.split_at_mut(i);
+        let (art, body) = (&mut rest[0], &bodies[i]);
+        art.reaction = art.times(&body.axis);
+        art.inverse = 1.0 / body.axis.dot(&art.reaction);
+        art.drive = tau[joint.dof] - body.axis.dot(&art.bias);
+        let Some(parent) = joint.parent else { continue };
+        let up = &mut above[parent];
+        let (moment, force) = (&art.reaction.moment, &art.reaction.force);
+        let scaled_moment = moment * art.inverse;
+        let scaled_force = force * art.inverse;
+        art.rotational -= scaled_moment * moment.transpose();
+        art.coupling -= scaled_moment * force.transpose();
+        art.translational -= scaled_force * force.transpose();
+        up.rotational += art.rotational;
+        up.coupling += art.coupling;
+        up.translational += art.translational;
+        let mut drift = Motion::ZERO;
+        drift.add_scaled(&body.axis_rate, v[joint.dof]);
+        let carried = art.times(&drift);
+        up.bias += art.bias + carried;
+        up.bias.moment += scaled_moment * art.drive;
+        up.bias.force += scaled_force * art.drive;
+    }
+    for (i, joint) in model.joints.iter().enumerate() {
+        let (above, rest) = bodies.split_at_mut(i);
+        let (art, body) = (&articulated[i], &mut rest[0]);
+        body.acceleration = joint
+            .parent
+            .map_or(Motion::ZERO, |parent| above[parent].acceleration);
+        body.acceleration.add_scaled(&body.axis_rate, v[joint.dof]);
+        let rate = (art.drive - body.acceleration.dot(&art.reaction)) * art.inverse;
+        acceleration[joint.dof] = rate;
+        body.acceleration.add_scaled(&body.axis, rate);
+    }
+    acceleration
+}
