@@ -1,1 +1,192 @@
 //! A quadruped's description: its model, legs, toes, mirror, nominal posture, gains and limits.
+//!
+//! Legs are numbered 0 front-left, 1 rear-left, 2 front-right, 3 rear-right; a leg's joints are hip
+//! roll, hip pitch, knee. Vectors of twelve joints are in the order leg·3 + joint, and so are the
+//! coordinates of [`Robot::model`] after its first six.
+//!
+//! A robot is a folder `config/robots/NAME/` with a `robot.toml` and a URDF. [`Robot::from_toml_str`]
+//! turns their texts into a checked [`Robot`]; [`Robot::load`] also opens the files.
+
+mod error;
+mod kinematics;
+mod mirror;
+mod parse;
+
+use std::path::Path;
+
+use rigid_body::{FrameId, Model};
+
+pub use error::RobotError;
+
+/// Everything that the software knows about one quadruped.
+#[derive(Debug, Clone)]
+pub struct Robot {
+    /// The robot's name, a word.
+    pub name: String,
+    /// The text of its URDF.
+    pub urdf: String,
+    /// The whole robot, 18 coordinates: x, y, z, roll, pitch, yaw, then leg·3 + joint.
+    pub model: Model,
+    /// Legs 0 to 3.
+    pub legs: [Leg; 4],
+    /// Radius of the toe's sphere, m. The toe's frame is the sphere's centre.
+    pub toe_radius_m: f64,
+    /// The left–right symmetry.
+    pub mirror: Mirror,
+    /// The posture that gaits are designed about.
+    pub nominal: Nominal,
+    /// Gains of the tracking law.
+    pub gains: Gains,
+    /// Torque and velocity limits.
+    pub limits: Limits,
+}
+
+/// One leg. Triples are hip roll, hip pitch, knee.
+#[derive(Debug, Clone)]
+pub struct Leg {
+    /// Its name, a prefix such as `front_left`.
+    pub name: String,
+    /// Names of its joints in the URDF.
+    pub joints: [String; 3],
+    /// The toe's frame in [`Robot::model`] and in every model cut from it.
+    pub toe: FrameId,
+    /// Lowest joint positions allowed, rad.
+    pub position_min_rad: [f64; 3],
+    /// Highest joint positions allowed, rad.
+    pub position_max_rad: [f64; 3],
+    /// Joint positions standing, rad.
+    pub stand_rad: [f64; 3],
+    /// Joint positions sitting on the floor, rad.
+    pub sit_rad: [f64; 3],
+}
+
+/// The left–right symmetry: leg i of the mirrored robot is leg `leg[i]`, joint k times
+/// `joint_sign[k]`. Under it y, roll and yaw of the torso change sign.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Mirror {
+    /// Which leg takes each leg's place.
+    pub leg: [usize; 4],
+    /// Sign of each joint of a leg under the mirror.
+    pub joint_sign: [f64; 3],
+}
+
+impl Mirror {
+    /// Signs of the torso's coordinates x, y, z, roll, pitch, yaw under the mirror.
+    pub const BASE_SIGN: [f64; 6] = [1.0, -1.0, 1.0, -1.0, 1.0, -1.0];
+
+    /// Joint positions, velocities or torques of the mirrored robot.
+    pub fn joints(&self, joints: &[f64; 12]) -> [f64; 12] {
+        std::array::from_fn(|i| self.joint_sign[i % 3] * joints[self.leg[i / 3] * 3 + i % 3])
+    }
+
+    /// Coordinates or velocities (18) of the mirrored robot.
+    pub fn coordinates(&self, q: &[f64; 18]) -> [f64; 18] {
+        std::array::from_fn(|i| {
+            if i < 6 {
+                Self::BASE_SIGN[i] * q[i]
+            } else {
+                let (leg, joint) = ((i - 6) / 3, (i - 6) % 3);
+                self.joint_sign[joint] * q[6 + self.leg[leg] * 3 + joint]
+            }
+        })
+    }
+}
+
+/// The posture that gaits are designed about.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Nominal {
+    /// Height of the hip axes above the toes' centres, m.
+    pub height_m: f64,
+    /// Lateral distance of a stance toe from the middle plane, m.
+    pub half_width_m: f64,
+}
+
+/// Gains of the tracking law τ = kp (q_des − q) + kd (v_des − v), for hip roll, hip pitch, knee.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Gains {
+    /// Stiffness, N m/rad.
+    pub kp_nm_per_rad: [f64; 3],
+    /// Damping, N m s/rad.
+    pub kd_nm_s_per_rad: [f64; 3],
+}
+
+/// Limits of hip roll, hip pitch, knee.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Limits {
+    /// Torque that a plan may use, N m.
+    pub plan_torque_nm: [f64; 3],
+    /// Torque that the drives may give, N m.
+    pub drive_torque_nm: [f64; 3],
+    /// Joint velocity, rad/s.
+    pub velocity_rad_s: [f64; 3],
+}
+
+impl Robot {
+    /// A robot from the text of its `robot.toml` and of its URDF.
+    ///
+    /// # Errors
+    ///
+    /// One [`RobotError`] naming what is wrong: text that does not parse, a field missing or unknown,
+    /// numbers out of range, joints or toes that the URDF does not have, or two sides of the robot that
+    /// are not mirror images.
+    pub fn from_toml_str(toml: &str, urdf: &str) -> Result<Robot, RobotError> {
+        let robot = parse::robot(toml, urdf)?;
+        mirror::check(&robot, parse::mirror_tolerance(toml)?)?;
+        Ok(robot)
+    }
+
+    /// A robot from its folder, which holds `robot.toml` and the URDF that it names.
+    ///
+    /// # Errors
+    ///
+    /// As [`Robot::from_toml_str`], or if a file cannot be read or is too large.
+    pub fn load(folder: &Path) -> Result<Robot, RobotError> {
+        let toml = parse::read(&folder.join("robot.toml"))?;
+        let urdf = parse::read(&folder.join(parse::urdf_file(&toml)?))?;
+        Self::from_toml_str(&toml, &urdf)
+    }
+
+    /// Names of the twelve joints, leg·3 + joint.
+    pub fn joint_names(&self) -> [String; 12] {
+        std::array::from_fn(|i| self.legs[i / 3].joints[i % 3].clone())
+    }
+
+    /// Joint positions standing, rad, leg·3 + joint.
+    pub fn stand_rad(&self) -> [f64; 12] {
+        self.each_joint(|leg| &leg.stand_rad)
+    }
+
+    /// Joint positions sitting, rad, leg·3 + joint.
+    pub fn sit_rad(&self) -> [f64; 12] {
+        self.each_joint(|leg| &leg.sit_rad)
+    }
+
+    /// Lowest joint positions allowed, rad, leg·3 + joint.
+    pub fn position_min_rad(&self) -> [f64; 12] {
+        self.each_joint(|leg| &leg.position_min_rad)
+    }
+
+    /// Highest joint positions allowed, rad, leg·3 + joint.
+    pub fn position_max_rad(&self) -> [f64; 12] {
+        self.each_joint(|leg| &leg.position_max_rad)
+    }
+
+    fn each_joint(&self, of: impl Fn(&Leg) -> &[f64; 3]) -> [f64; 12] {
+        std::array::from_fn(|i| of(&self.legs[i / 3])[i % 3])
+    }
+
+    /// The model with only the named legs, in that order, and a share of the torso: the paper's
+    /// bipeds (section II-B) are `biped([0, 2], share)` and `biped([1, 3], 1.0 - share)`.
+    ///
+    /// # Errors
+    ///
+    /// If the share is not from 0 to 1 or a leg is named twice.
+    ///
+    /// # Panics
+    ///
+    /// If a leg is not 0 to 3.
+    pub fn biped(&self, legs: [usize; 2], torso_share: f64) -> Result<Model, RobotError> {
+        let joints: Vec<&String> = legs.iter().flat_map(|&leg| &self.legs[leg].joints).collect();
+        self.model.subtree(&joints, torso_share).map_err(RobotError::Model)
+    }
+}
