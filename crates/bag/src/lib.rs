@@ -27,18 +27,33 @@
 //! The open chunk is closed and the file synchronised to disk every [`RecorderOptions::flush_interval`] (half a second), so a
 //! crash or a power cut loses less than the last second.
 //!
+//! # Reading
+//!
+//! [`Bag::open`] takes a folder or a file, MCAP or sqlite3, ours or another's; [`Bag::messages`] gives the messages in the order of
+//! time. [`from_cdr`] reads one as a known Rust type, [`decode`] by the definition in the bag. [`recover`] makes a whole bag of
+//! what a killed recorder or a broken disk left.
+//!
 //! # Invariants
 //!
 //! - Nothing here knows DDS, a robot or a controller: topics, types, stamps and bytes.
 //! - Nothing is written over: a recording starts in a folder that does not hold a bag.
 
+mod cursor;
+mod decode;
 mod definition;
 mod error;
+mod mcap_file;
 mod metadata;
 mod qos;
+mod read;
 mod recorder;
+mod recover;
+mod sqlite_file;
 
+pub use decode::{Value, decode};
 pub use definition::{Definition, full_definition, known_types};
 pub use error::BagError;
 pub use qos::{Durability, Qos, Reliability};
+pub use read::{Bag, BagTopic, Message, Messages, from_cdr};
 pub use recorder::{Recorder, RecorderOptions, RecorderStatus, Summary, Topic, TopicSummary, to_cdr};
+pub use recover::{Recovery, recover};

@@ -79,7 +79,7 @@ impl RecorderOptions {
 
 /// What producers and the writer thread share about one topic.
 #[derive(Debug)]
-struct TopicShared {
+pub(crate) struct TopicShared {
     /// Index in the order of declaration; the MCAP channel is `index + 1`.
     index: u16,
     name: String,
@@ -114,11 +114,50 @@ enum Order {
 }
 
 #[derive(Debug, Default)]
-struct Shared {
+pub(crate) struct Shared {
     topics: Mutex<Vec<Arc<TopicShared>>>,
     queued_bytes: AtomicUsize,
     closed: AtomicBool,
     fault: OnceLock<String>,
+}
+
+impl Shared {
+    pub(crate) fn declare(
+        &self,
+        name: &str,
+        type_name: &str,
+        definition: &str,
+        qos: Qos,
+    ) -> Result<Arc<TopicShared>, BagError> {
+        crate::Definition::parse(type_name, definition)?;
+        let mut topics = self.topics.lock().unwrap_or_else(|poisoned| poisoned.into_inner());
+        if let Some(known) = topics.iter().find(|topic| topic.name == name) {
+            if known.type_name != type_name {
+                return Err(BagError::TopicConflict {
+                    topic: name.to_owned(),
+                    first: known.type_name.clone(),
+                    second: type_name.to_owned(),
+                });
+            }
+            return Ok(known.clone());
+        }
+        let index = u16::try_from(topics.len()).ok().filter(|index| *index < u16::MAX).ok_or(BagError::BadOption {
+            name: "topics",
+            value: topics.len().to_string(),
+            expected: "at most 65534 in one bag",
+        })?;
+        let topic = Arc::new(TopicShared {
+            index,
+            name: name.to_owned(),
+            type_name: type_name.to_owned(),
+            definition: definition.to_owned(),
+            qos,
+            offered: AtomicU64::new(0),
+            written: AtomicU64::new(0),
+        });
+        topics.push(topic.clone());
+        Ok(topic)
+    }
 }
 
 /// A recording in progress. It may be shared between threads; dropping it finishes the bag.
@@ -208,17 +247,11 @@ impl Recorder {
     /// [`BagError::Exists`] if something is in the folder, [`BagError::Io`] if it cannot be written, [`BagError::BadOption`].
     pub fn start(folder: impl AsRef<Path>, options: RecorderOptions) -> Result<Recorder, BagError> {
         let folder = folder.as_ref().to_owned();
-        options.check()?;
-        fs::create_dir_all(&folder).map_err(BagError::io(&folder, "create"))?;
-        let mut entries = fs::read_dir(&folder).map_err(BagError::io(&folder, "list"))?;
-        if entries.next().is_some() {
-            return Err(BagError::Exists { path: folder });
-        }
         let shared = Arc::new(Shared::default());
-        let (sender, receiver) = sync_channel(options.queue_messages);
-        let queue_bytes = options.queue_bytes;
+        let (queue_messages, queue_bytes) = (options.queue_messages, options.queue_bytes);
         // The first file is opened here, so that a folder that cannot be written is an error of `start`.
-        let mut writer = Writer::new(folder.clone(), options, shared.clone())?;
+        let mut writer = Writer::open(folder.clone(), options, shared.clone())?;
+        let (sender, receiver) = sync_channel(queue_messages);
         let thread = std::thread::Builder::new()
             .name("bag writer".into())
             .spawn(move || {
@@ -246,6 +279,14 @@ impl Recorder {
         self.topic_with_definition(name, type_name, &full_definition(type_name)?, qos)
     }
 
+    /// Declares a topic of one of the Rust message types.
+    ///
+    /// # Errors
+    /// As [`Recorder::topic`].
+    pub fn topic_of<M: tandem_msgs::Message>(&self, name: &str, qos: Qos) -> Result<Topic, BagError> {
+        self.topic(name, &M::full_name(), qos)
+    }
+
     /// Declares a topic of any type, with its complete `ros2msg` text.
     ///
     /// # Errors
@@ -257,34 +298,7 @@ impl Recorder {
         definition: &str,
         qos: Qos,
     ) -> Result<Topic, BagError> {
-        crate::Definition::parse(type_name, definition)?;
-        let mut topics = self.shared.topics.lock().unwrap_or_else(|poisoned| poisoned.into_inner());
-        if let Some(known) = topics.iter().find(|topic| topic.name == name) {
-            if known.type_name != type_name {
-                return Err(BagError::TopicConflict {
-                    topic: name.to_owned(),
-                    first: known.type_name.clone(),
-                    second: type_name.to_owned(),
-                });
-            }
-            return Ok(Topic(known.clone()));
-        }
-        let index = u16::try_from(topics.len()).ok().filter(|index| *index < u16::MAX).ok_or(BagError::BadOption {
-            name: "topics",
-            value: topics.len().to_string(),
-            expected: "at most 65534 in one bag",
-        })?;
-        let topic = Arc::new(TopicShared {
-            index,
-            name: name.to_owned(),
-            type_name: type_name.to_owned(),
-            definition: definition.to_owned(),
-            qos,
-            offered: AtomicU64::new(0),
-            written: AtomicU64::new(0),
-        });
-        topics.push(topic.clone());
-        Ok(Topic(topic))
+        self.shared.declare(name, type_name, definition, qos).map(Topic)
     }
 
     /// Hands one message over: `stamp_ns` nanoseconds since the epoch of the recording's clock, `cdr` with its four-byte
@@ -377,8 +391,8 @@ impl Drop for Recorder {
     }
 }
 
-/// The thread's side.
-struct Writer {
+/// The thread's side, also used without a thread where nothing may be dropped.
+pub(crate) struct Writer {
     folder: PathBuf,
     stem: String,
     options: RecorderOptions,
@@ -407,7 +421,14 @@ struct OpenFile {
 }
 
 impl Writer {
-    fn new(folder: PathBuf, options: RecorderOptions, shared: Arc<Shared>) -> Result<Writer, BagError> {
+    /// Begins a bag in a folder that is empty or not there.
+    pub(crate) fn open(folder: PathBuf, options: RecorderOptions, shared: Arc<Shared>) -> Result<Writer, BagError> {
+        options.check()?;
+        fs::create_dir_all(&folder).map_err(BagError::io(&folder, "create"))?;
+        let mut entries = fs::read_dir(&folder).map_err(BagError::io(&folder, "list"))?;
+        if entries.next().is_some() {
+            return Err(BagError::Exists { path: folder });
+        }
         let name = folder.canonicalize().map_err(BagError::io(&folder, "resolve"))?;
         let stem = name.file_name().map_or("bag".into(), |name| name.to_string_lossy().into_owned());
         let open = OpenFile::create(&folder, &stem, 0, &options)?;
@@ -432,7 +453,7 @@ impl Writer {
         }
     }
 
-    fn write(&mut self, topic: &Arc<TopicShared>, stamp_ns: u64, cdr: &[u8]) -> Result<(), BagError> {
+    pub(crate) fn write(&mut self, topic: &Arc<TopicShared>, stamp_ns: u64, cdr: &[u8]) -> Result<(), BagError> {
         if let (Some(limit), Some((start, _))) = (self.options.split_duration, self.open.span_ns)
             && u128::from(stamp_ns.saturating_sub(start)) >= limit.as_nanos()
         {
@@ -506,7 +527,7 @@ impl Writer {
             .collect()
     }
 
-    fn finish(&mut self) -> Result<Vec<FilePart>, BagError> {
+    pub(crate) fn finish(&mut self) -> Result<Vec<FilePart>, BagError> {
         // Topics on which nothing came are still part of the bag.
         let declared = self.shared.topics.lock().unwrap_or_else(|poisoned| poisoned.into_inner()).clone();
         for topic in &declared {

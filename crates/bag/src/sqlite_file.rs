@@ -1,0 +1,142 @@
+//! Reading one sqlite3 file (`.db3`), the storage of rosbag2 before MCAP.
+
+use std::collections::{BTreeMap, VecDeque};
+use std::path::{Path, PathBuf};
+
+use rusqlite::{Connection, OpenFlags};
+
+use crate::mcap_file::Channel;
+use crate::read::Message;
+use crate::{BagError, Qos};
+
+/// Rows fetched at a time.
+const PAGE: i64 = 512;
+
+#[derive(Debug)]
+pub(crate) struct SqliteFile {
+    path: PathBuf,
+    connection: Connection,
+    pub(crate) channels: BTreeMap<u16, Channel>,
+    pub(crate) span_ns: Option<(u64, u64)>,
+    /// The topic rows' ids, which may be any number, to the keys of `channels`.
+    ids: BTreeMap<i64, u16>,
+    page: VecDeque<(u16, Message)>,
+    /// Stamp and row of the last message given out.
+    after: (i64, i64),
+}
+
+impl SqliteFile {
+    pub(crate) fn open(path: &Path) -> Result<SqliteFile, BagError> {
+        // sqlite's own message for a missing file does not say so.
+        std::fs::metadata(path).map_err(BagError::io(path, "open"))?;
+        let wrap = |error: rusqlite::Error| bad(path, &error);
+        let flags = OpenFlags::SQLITE_OPEN_READ_ONLY | OpenFlags::SQLITE_OPEN_NO_MUTEX;
+        let connection = Connection::open_with_flags(path, flags).map_err(wrap)?;
+        let columns = columns(&connection, "topics").map_err(wrap)?;
+        if columns.is_empty() {
+            return Err(BagError::bad_file(path, "this sqlite3 file has no table 'topics'; expected a rosbag2 recording"));
+        }
+        let qos_column = if columns.iter().any(|name| name == "offered_qos_profiles") { "offered_qos_profiles" } else { "''" };
+        let mut channels = BTreeMap::new();
+        let mut ids = BTreeMap::new();
+        {
+            let query = format!("SELECT id, name, type, serialization_format, {qos_column} FROM topics ORDER BY id");
+            let mut statement = connection.prepare(&query).map_err(wrap)?;
+            let mut rows = statement.query([]).map_err(wrap)?;
+            while let Some(row) = rows.next().map_err(wrap)? {
+                let id: i64 = row.get(0).map_err(wrap)?;
+                let key = u16::try_from(channels.len())
+                    .map_err(|_| BagError::bad_file(path, "more than 65535 topics; expected fewer"))?;
+                let qos: String = row.get(4).map_err(wrap)?;
+                ids.insert(id, key);
+                channels.insert(key, Channel {
+                    topic: row.get(1).map_err(wrap)?,
+                    type_name: row.get(2).map_err(wrap)?,
+                    definition: None,
+                    message_encoding: row.get(3).map_err(wrap)?,
+                    qos: Qos::from_yaml(&qos),
+                    messages: 0,
+                });
+            }
+        }
+        if !self::columns(&connection, "message_definitions").map_err(wrap)?.is_empty() {
+            let query = "SELECT topic_type, encoding, encoded_message_definition FROM message_definitions";
+            let mut statement = connection.prepare(query).map_err(wrap)?;
+            let mut rows = statement.query([]).map_err(wrap)?;
+            while let Some(row) = rows.next().map_err(wrap)? {
+                let type_name: String = row.get(0).map_err(wrap)?;
+                let encoding: String = row.get(1).map_err(wrap)?;
+                let text: String = row.get(2).map_err(wrap)?;
+                if encoding == "ros2msg" {
+                    for channel in channels.values_mut().filter(|channel| channel.type_name == type_name) {
+                        channel.definition = Some(text.clone());
+                    }
+                }
+            }
+        }
+        let mut span_ns = None;
+        {
+            let query = "SELECT topic_id, count(*), min(timestamp), max(timestamp) FROM messages GROUP BY topic_id";
+            let mut statement = connection.prepare(query).map_err(wrap)?;
+            let mut rows = statement.query([]).map_err(wrap)?;
+            while let Some(row) = rows.next().map_err(wrap)? {
+                let id: i64 = row.get(0).map_err(wrap)?;
+                let channel = ids.get(&id).and_then(|key| channels.get_mut(key)).ok_or_else(|| {
+                    BagError::bad_file(path, format!("messages of topic {id}, which the table 'topics' does not list"))
+                })?;
+                channel.messages = row.get::<_, i64>(1).map_err(wrap)? as u64;
+                let start = stamp(path, row.get(2).map_err(wrap)?)?;
+                let end = stamp(path, row.get(3).map_err(wrap)?)?;
+                let (first, last) = span_ns.unwrap_or((start, end));
+                span_ns = Some((start.min(first), end.max(last)));
+            }
+        }
+        Ok(SqliteFile {
+            path: path.to_owned(),
+            connection,
+            channels,
+            span_ns,
+            ids,
+            page: VecDeque::new(),
+            after: (i64::MIN, i64::MIN),
+        })
+    }
+
+    /// The next message in the order of time with its channel; `Ok(None)` at the end.
+    pub(crate) fn next_message(&mut self) -> Result<Option<(u16, Message)>, BagError> {
+        if self.page.is_empty() {
+            let wrap = |error: rusqlite::Error| bad(&self.path, &error);
+            let query = "SELECT id, topic_id, timestamp, data FROM messages WHERE timestamp > ?1 OR (timestamp = ?1 AND id > ?2) \
+                         ORDER BY timestamp, id LIMIT ?3";
+            let mut statement = self.connection.prepare_cached(query).map_err(wrap)?;
+            let mut rows = statement.query((self.after.0, self.after.1, PAGE)).map_err(wrap)?;
+            while let Some(row) = rows.next().map_err(wrap)? {
+                let id: i64 = row.get(0).map_err(wrap)?;
+                let timestamp: i64 = row.get(2).map_err(wrap)?;
+                let topic: i64 = row.get(1).map_err(wrap)?;
+                let key = *self.ids.get(&topic).ok_or_else(|| {
+                    BagError::bad_file(&self.path, format!("a message of topic {topic}, which the table 'topics' does not list"))
+                })?;
+                let data: Vec<u8> = row.get(3).map_err(wrap)?;
+                self.after = (timestamp, id);
+                self.page.push_back((key, Message { topic: 0, stamp_ns: stamp(&self.path, timestamp)?, data }));
+            }
+        }
+        Ok(self.page.pop_front())
+    }
+}
+
+fn columns(connection: &Connection, table: &str) -> rusqlite::Result<Vec<String>> {
+    let mut statement = connection.prepare("SELECT name FROM pragma_table_info(?1)")?;
+    let names = statement.query_map([table], |row| row.get(0))?;
+    names.collect()
+}
+
+fn stamp(path: &Path, timestamp: i64) -> Result<u64, BagError> {
+    u64::try_from(timestamp)
+        .map_err(|_| BagError::bad_file(path, format!("a message's time stamp is {timestamp} ns; expected 0 or more")))
+}
+
+fn bad(path: &Path, error: &rusqlite::Error) -> BagError {
+    BagError::bad_file(path, format!("cannot be read as a sqlite3 bag: {error}"))
+}
