@@ -78,11 +78,17 @@ impl Value {
 /// [`BagError::Cdr`] if the bytes do not fit the definition.
 pub fn decode(definition: &Definition, cdr: &[u8]) -> Result<Value, BagError> {
     let bad = |reason: String| BagError::Cdr { name: definition.root().to_owned(), action: "read from", reason };
-    let (header, body) = cdr.split_at_checked(4).ok_or_else(|| bad(format!("{} bytes; expected at least 4", cdr.len())))?;
+    let (header, body) =
+        cdr.split_at_checked(4).ok_or_else(|| bad(format!("{} bytes; expected at least 4", cdr.len())))?;
     let little_endian = match header[..2] {
         [0, 0] => false,
         [0, 1] => true,
-        _ => return Err(bad(format!("encapsulation {:02x}{:02x}; expected plain CDR, 0000 or 0001", header[0], header[1]))),
+        _ => {
+            return Err(bad(format!(
+                "encapsulation {:02x}{:02x}; expected plain CDR, 0000 or 0001",
+                header[0], header[1]
+            )));
+        }
     };
     let mut reader = Reader { body, at: 0, little_endian, left: MOST_VALUES };
     reader.message(definition, definition.root()).map_err(|reason| bad(format!("at byte {}: {reason}", reader.at + 4)))

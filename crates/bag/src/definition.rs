@@ -214,9 +214,9 @@ fn parse_fields(type_name: &str, body: &str) -> Result<Vec<Field>, BagError> {
         let element = match Primitive::parse(element) {
             Some(primitive) => Element::Primitive(primitive),
             None if element == "Header" => Element::Message("std_msgs/Header".to_owned()),
-            None if element.contains('/') => Element::Message(
-                short_name(element).ok_or_else(|| bad("expected package/Type"))?,
-            ),
+            None if element.contains('/') => {
+                Element::Message(short_name(element).ok_or_else(|| bad("expected package/Type"))?)
+            }
             None => Element::Message(format!("{package}/{element}")),
         };
         fields.push(Field { name: name.to_owned(), element, count });

@@ -22,7 +22,9 @@ pub enum BagError {
         path: PathBuf,
     },
     /// A message type without a known definition.
-    #[error("message type '{name}' is not known here; expected package/msg/Type, one of Tandem's own or a common standard message; give its definition with Recorder::topic_with_definition")]
+    #[error(
+        "message type '{name}' is not known here; expected package/msg/Type, one of Tandem's own or a common standard message; give its definition with Recorder::topic_with_definition"
+    )]
     UnknownType {
         /// The type's name as given.
         name: String,

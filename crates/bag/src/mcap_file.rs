@@ -187,7 +187,9 @@ impl McapFile {
                 let first_ns = first_ns.unwrap_or(0);
                 let start = body - 9;
                 match self.blocks.last_mut() {
-                    Some(block) if !block.chunk && block.offset + block.length == start && block.length < LOOSE_BLOCK => {
+                    Some(block)
+                        if !block.chunk && block.offset + block.length == start && block.length < LOOSE_BLOCK =>
+                    {
                         block.length += length + 9;
                         block.first_ns = block.first_ns.min(first_ns);
                     }
@@ -201,11 +203,7 @@ impl McapFile {
     /// A chunk counts only as a whole: if any record in it is wrong, nothing of it is taken.
     fn take_chunk(&mut self, found: &mut Found, body: u64, bytes: &[u8]) -> Result<(), String> {
         let records = decompress_chunk(bytes)?;
-        let mut trial = Found {
-            schemas: BTreeMap::new(),
-            channels: found.channels.clone(),
-            span_ns: None,
-        };
+        let mut trial = Found { schemas: BTreeMap::new(), channels: found.channels.clone(), span_ns: None };
         // Schemas are few and only added to, so they may stay even if the chunk is refused.
         std::mem::swap(&mut trial.schemas, &mut found.schemas);
         let result = for_each_record(&records, |code, record| trial.record(code, record).map(|_| ()));
@@ -276,8 +274,10 @@ impl Found {
             }
             op::MESSAGE => {
                 let (id, stamp_ns, _) = message(bytes).ok_or("a message is cut short")?;
-                let channel =
-                    self.channels.get_mut(&id).ok_or_else(|| format!("a message on channel {id}, which is not declared"))?;
+                let channel = self
+                    .channels
+                    .get_mut(&id)
+                    .ok_or_else(|| format!("a message on channel {id}, which is not declared"))?;
                 channel.messages += 1;
                 self.extend_span(stamp_ns);
                 Ok(Some(stamp_ns))
@@ -334,10 +334,7 @@ fn message(bytes: &[u8]) -> Option<(u16, u64, &[u8])> {
     Some((channel, log_time, cursor.rest()))
 }
 
-fn for_each_record(
-    mut bytes: &[u8],
-    mut take: impl FnMut(u8, &[u8]) -> Result<(), String>,
-) -> Result<(), String> {
+fn for_each_record(mut bytes: &[u8], mut take: impl FnMut(u8, &[u8]) -> Result<(), String>) -> Result<(), String> {
     while !bytes.is_empty() {
         let mut cursor = Cursor::new(bytes);
         let head = cursor.u8().zip(cursor.u64());

@@ -6,8 +6,8 @@ use std::path::Path;
 
 use serde::Serialize;
 
-use crate::qos::{Qos, QosYaml};
 use crate::BagError;
+use crate::qos::{Qos, QosYaml};
 
 /// The name of the file in a bag's folder.
 pub(crate) const FILE_NAME: &str = "metadata.yaml";

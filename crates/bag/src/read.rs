@@ -153,9 +153,13 @@ impl Bag {
         for name in &information.relative_file_paths {
             // Older rosbag2 wrote the folder's name in front.
             let direct = folder.join(name);
-            let file = if direct.exists() { direct } else { folder.join(Path::new(name).file_name().unwrap_or_default()) };
+            let file =
+                if direct.exists() { direct } else { folder.join(Path::new(name).file_name().unwrap_or_default()) };
             if !file.starts_with(folder) || Path::new(name).components().any(|part| part.as_os_str() == "..") {
-                return Err(BagError::bad_file(&yaml, format!("lists the file '{name}', which is outside the bag's folder")));
+                return Err(BagError::bad_file(
+                    &yaml,
+                    format!("lists the file '{name}', which is outside the bag's folder"),
+                ));
             }
             files.push(file);
         }
@@ -185,7 +189,9 @@ impl Bag {
                     return Err(BagError::bad_file(path, reason));
                 }
                 other => {
-                    let reason = format!("compression '{other}' with '{format}'; expected message compression with zstd, or none");
+                    let reason = format!(
+                        "compression '{other}' with '{format}'; expected message compression with zstd, or none"
+                    );
                     return Err(BagError::bad_file(path, reason));
                 }
             };
@@ -258,7 +264,9 @@ impl Bag {
 
     fn topic_of(&self, channel: &Channel) -> Option<usize> {
         self.topics.iter().position(|topic| {
-            topic.name == channel.topic && topic.type_name == channel.type_name && topic.encoding == channel.message_encoding
+            topic.name == channel.topic
+                && topic.type_name == channel.type_name
+                && topic.encoding == channel.message_encoding
         })
     }
 
@@ -323,7 +331,9 @@ impl Bag {
             let topics = channels
                 .iter()
                 .map(|(id, channel)| {
-                    let index = self.topic_of(channel).ok_or_else(|| BagError::bad_file(&self.path, "changed while it was read"))?;
+                    let index = self
+                        .topic_of(channel)
+                        .ok_or_else(|| BagError::bad_file(&self.path, "changed while it was read"))?;
                     Ok((*id, index))
                 })
                 .collect::<Result<_, BagError>>()?;
@@ -381,8 +391,9 @@ impl Messages {
         let Some(mut message) = self.waiting[index].take() else { return Ok(None) };
         self.advance(index)?;
         if self.compression == MessageCompression::Zstd {
-            message.data = unpack(&message.data)
-                .map_err(|reason| BagError::bad_file(&self.path, format!("the message at {} ns: {reason}", message.stamp_ns)))?;
+            message.data = unpack(&message.data).map_err(|reason| {
+                BagError::bad_file(&self.path, format!("the message at {} ns: {reason}", message.stamp_ns))
+            })?;
         }
         Ok(Some(message))
     }
@@ -433,11 +444,17 @@ pub(crate) fn data_files(folder: &Path) -> Result<Vec<PathBuf>, BagError> {
 /// [`BagError::Cdr`] if the bytes are not such a message.
 pub fn from_cdr<T: DeserializeOwned>(name: &str, cdr: &[u8]) -> Result<T, BagError> {
     let bad = |reason: String| BagError::Cdr { name: name.to_owned(), action: "read from", reason };
-    let (header, body) = cdr.split_at_checked(4).ok_or_else(|| bad(format!("{} bytes; expected at least 4", cdr.len())))?;
+    let (header, body) =
+        cdr.split_at_checked(4).ok_or_else(|| bad(format!("{} bytes; expected at least 4", cdr.len())))?;
     let result = match header[..2] {
         [0, 0] => cdr_encoding::from_bytes::<T, byteorder::BigEndian>(body),
         [0, 1] => cdr_encoding::from_bytes::<T, byteorder::LittleEndian>(body),
-        _ => return Err(bad(format!("encapsulation {:02x}{:02x}; expected plain CDR, 0000 or 0001", header[0], header[1]))),
+        _ => {
+            return Err(bad(format!(
+                "encapsulation {:02x}{:02x}; expected plain CDR, 0000 or 0001",
+                header[0], header[1]
+            )));
+        }
     };
     result.map(|(message, _)| message).map_err(|error| bad(error.to_string()))
 }

@@ -160,6 +160,9 @@ impl Shared {
     }
 }
 
+/// Ends with the files it wrote.
+type WriterThread = JoinHandle<Result<Vec<FilePart>, BagError>>;
+
 /// A recording in progress. It may be shared between threads; dropping it finishes the bag.
 #[derive(Debug)]
 pub struct Recorder {
@@ -167,7 +170,7 @@ pub struct Recorder {
     queue_bytes: usize,
     shared: Arc<Shared>,
     sender: SyncSender<Order>,
-    thread: Mutex<Option<JoinHandle<Result<Vec<FilePart>, BagError>>>>,
+    thread: Mutex<Option<WriterThread>>,
 }
 
 /// How a recording fares, at any moment.
@@ -433,7 +436,17 @@ impl Writer {
         let stem = name.file_name().map_or("bag".into(), |name| name.to_string_lossy().into_owned());
         let open = OpenFile::create(&folder, &stem, 0, &options)?;
         let next_flush = Instant::now() + options.flush_interval;
-        Ok(Writer { folder, stem, options, shared, topics: Vec::new(), files: Vec::new(), open, next_flush, unmeasured_bytes: 0 })
+        Ok(Writer {
+            folder,
+            stem,
+            options,
+            shared,
+            topics: Vec::new(),
+            files: Vec::new(),
+            open,
+            next_flush,
+            unmeasured_bytes: 0,
+        })
     }
 
     fn run(&mut self, receiver: &Receiver<Order>) -> Result<(), BagError> {
@@ -541,11 +554,7 @@ impl Writer {
 impl OpenFile {
     fn create(folder: &Path, stem: &str, number: usize, options: &RecorderOptions) -> Result<OpenFile, BagError> {
         let path = folder.join(format!("{stem}_{number}.mcap"));
-        let file = File::options()
-            .write(true)
-            .create_new(true)
-            .open(&path)
-            .map_err(BagError::io(&path, "create"))?;
+        let file = File::options().write(true).create_new(true).open(&path).map_err(BagError::io(&path, "create"))?;
         let handle = file.try_clone().map_err(BagError::io(&path, "open twice"))?;
         let attributes = file.metadata().map_err(BagError::io(&path, "look at"))?;
         let mcap = mcap::WriteOptions::new()
@@ -576,10 +585,7 @@ impl OpenFile {
             return Ok(*channel);
         }
         let wrap = |error| mcap_error(&self.path, error);
-        let schema = self
-            .mcap
-            .add_schema(&topic.type_name, "ros2msg", topic.definition.as_bytes())
-            .map_err(wrap)?;
+        let schema = self.mcap.add_schema(&topic.type_name, "ros2msg", topic.definition.as_bytes()).map_err(wrap)?;
         let about = BTreeMap::from([
             ("offered_qos_profiles".to_owned(), topic.qos.to_yaml()),
             ("topic_type_hash".to_owned(), String::new()),
@@ -592,8 +598,12 @@ impl OpenFile {
     fn write(&mut self, topic: &TopicShared, stamp_ns: u64, cdr: &[u8]) -> Result<(), BagError> {
         let channel_id = self.channel(topic)?;
         let sequence = self.sequence.entry(topic.index).or_insert(0);
-        let header =
-            mcap::records::MessageHeader { channel_id, sequence: *sequence, log_time: stamp_ns, publish_time: stamp_ns };
+        let header = mcap::records::MessageHeader {
+            channel_id,
+            sequence: *sequence,
+            log_time: stamp_ns,
+            publish_time: stamp_ns,
+        };
         self.mcap.write_to_known_channel(&header, cdr).map_err(|error| mcap_error(&self.path, error))?;
         *sequence = sequence.wrapping_add(1);
         self.messages += 1;
@@ -610,9 +620,13 @@ impl OpenFile {
 
     /// Writing to a file that was removed succeeds and goes nowhere, so its name is looked up again.
     fn check_still_there(&self) -> Result<(), BagError> {
-        let found = fs::metadata(&self.path).map_err(BagError::io(&self.path, "find again (was the folder removed?)"))?;
+        let found =
+            fs::metadata(&self.path).map_err(BagError::io(&self.path, "find again (was the folder removed?)"))?;
         if (found.dev(), found.ino()) != self.identity {
-            return Err(BagError::bad_file(&self.path, "another file has taken this one's place while it was recorded"));
+            return Err(BagError::bad_file(
+                &self.path,
+                "another file has taken this one's place while it was recorded",
+            ));
         }
         Ok(())
     }
@@ -630,9 +644,7 @@ impl OpenFile {
         let files: Vec<FilePart> = earlier.iter().cloned().chain([self.part()]).collect();
         let about = BTreeMap::from([("serialized_metadata".to_owned(), metadata::information_yaml(topics, &files))]);
         let wrap = |error| mcap_error(&self.path, error);
-        self.mcap
-            .write_metadata(&mcap::records::Metadata { name: "rosbag2".into(), metadata: about })
-            .map_err(wrap)?;
+        self.mcap.write_metadata(&mcap::records::Metadata { name: "rosbag2".into(), metadata: about }).map_err(wrap)?;
         self.mcap.finish().map_err(wrap)?;
         self.handle.sync_all().map_err(BagError::io(&self.path, "synchronise to disk"))?;
         self.check_still_there()

@@ -32,10 +32,16 @@ pub fn recover(source: impl AsRef<Path>, target: impl AsRef<Path>) -> Result<Rec
     let attributes = std::fs::metadata(source).map_err(BagError::io(source, "open"))?;
     let files: Vec<PathBuf> = if attributes.is_dir() { data_files(source)? } else { vec![source.to_owned()] };
     if files.is_empty() {
-        return Err(BagError::bad_file(source, "there is no .mcap file in this folder; expected what is left of a bag"));
+        return Err(BagError::bad_file(
+            source,
+            "there is no .mcap file in this folder; expected what is left of a bag",
+        ));
     }
     if let Some(file) = files.iter().find(|file| file.extension().is_some_and(|extension| extension == "db3")) {
-        return Err(BagError::bad_file(file, "only MCAP is recovered; sqlite3 has a '.recover' of its own for its files"));
+        return Err(BagError::bad_file(
+            file,
+            "only MCAP is recovered; sqlite3 has a '.recover' of its own for its files",
+        ));
     }
     let mut damage = Vec::new();
     let mut scanned = Vec::new();
@@ -44,7 +50,9 @@ pub fn recover(source: impl AsRef<Path>, target: impl AsRef<Path>) -> Result<Rec
         match McapFile::scan(path) {
             Ok(file) => {
                 damage.extend(
-                    file.damage.iter().map(|found| format!("{}: byte {}: {}", path.display(), found.offset, found.reason)),
+                    file.damage
+                        .iter()
+                        .map(|found| format!("{}: byte {}: {}", path.display(), found.offset, found.reason)),
                 );
                 scanned.push(Arc::new(file));
             }

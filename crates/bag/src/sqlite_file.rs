@@ -34,9 +34,13 @@ impl SqliteFile {
         let connection = Connection::open_with_flags(path, flags).map_err(wrap)?;
         let columns = columns(&connection, "topics").map_err(wrap)?;
         if columns.is_empty() {
-            return Err(BagError::bad_file(path, "this sqlite3 file has no table 'topics'; expected a rosbag2 recording"));
+            return Err(BagError::bad_file(
+                path,
+                "this sqlite3 file has no table 'topics'; expected a rosbag2 recording",
+            ));
         }
-        let qos_column = if columns.iter().any(|name| name == "offered_qos_profiles") { "offered_qos_profiles" } else { "''" };
+        let qos_column =
+            if columns.iter().any(|name| name == "offered_qos_profiles") { "offered_qos_profiles" } else { "''" };
         let mut channels = BTreeMap::new();
         let mut ids = BTreeMap::new();
         {
@@ -49,14 +53,17 @@ impl SqliteFile {
                     .map_err(|_| BagError::bad_file(path, "more than 65535 topics; expected fewer"))?;
                 let qos: String = row.get(4).map_err(wrap)?;
                 ids.insert(id, key);
-                channels.insert(key, Channel {
-                    topic: row.get(1).map_err(wrap)?,
-                    type_name: row.get(2).map_err(wrap)?,
-                    definition: None,
-                    message_encoding: row.get(3).map_err(wrap)?,
-                    qos: Qos::from_yaml(&qos),
-                    messages: 0,
-                });
+                channels.insert(
+                    key,
+                    Channel {
+                        topic: row.get(1).map_err(wrap)?,
+                        type_name: row.get(2).map_err(wrap)?,
+                        definition: None,
+                        message_encoding: row.get(3).map_err(wrap)?,
+                        qos: Qos::from_yaml(&qos),
+                        messages: 0,
+                    },
+                );
             }
         }
         if !self::columns(&connection, "message_definitions").map_err(wrap)?.is_empty() {
@@ -115,7 +122,10 @@ impl SqliteFile {
                 let timestamp: i64 = row.get(2).map_err(wrap)?;
                 let topic: i64 = row.get(1).map_err(wrap)?;
                 let key = *self.ids.get(&topic).ok_or_else(|| {
-                    BagError::bad_file(&self.path, format!("a message of topic {topic}, which the table 'topics' does not list"))
+                    BagError::bad_file(
+                        &self.path,
+                        format!("a message of topic {topic}, which the table 'topics' does not list"),
+                    )
                 })?;
                 let data: Vec<u8> = row.get(3).map_err(wrap)?;
                 self.after = (timestamp, id);
