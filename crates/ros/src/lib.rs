@@ -1,1 +1,73 @@
-//! The one crate that knows ros2-client: arguments, parameters, quality of service, services, clock, diagnostics.
+//! The one crate that knows the ROS 2 middleware: nodes, topics, services, parameters, logging, time and shutdown.
+//!
+//! A node starts with one call that reads `--ros-args` and the environment (`ROS_DOMAIN_ID`,
+//! `ROS_AUTOMATIC_DISCOVERY_RANGE`, `ROS_LOCALHOST_ONLY`), and ends in order on SIGINT and SIGTERM:
+//!
+//! ```no_run
+//! use std::time::Duration;
+//!
+//! use ros::{Arguments, Node, Qos};
+//! use tandem_msgs::sensor_msgs::JointState;
+//! use tandem_msgs::std_srvs::{Trigger, TriggerRequest, TriggerResponse};
+//!
+//! fn main() -> Result<(), Box<dyn std::error::Error>> {
+//!     let (arguments, _rest_for_the_program) = Arguments::from_process()?;
+//!     let node = Node::start("walker", &arguments)?;
+//!     let rate_hz = node.parameter("rate_hz", 200.0).description("Publishing rate, Hz.").range(1.0, 1000.0).declare()?;
+//!     let states = node.publisher::<JointState>("joint_states", Qos::best_effort(1))?;
+//!     node.subscribe("other_states", Qos::best_effort(1), |state: JointState| {
+//!         tracing::debug!("{} joints", state.name.len()); // short, never blocking: hand data over by a channel
+//!     })?;
+//!     node.serve::<Trigger>("stand", |_request| TriggerResponse::done("standing"))?;
+//!     node.every(Duration::from_secs_f64(1.0 / rate_hz.get()), move || {
+//!         if let Err(error) = states.publish(JointState::default()) {
+//!             tracing::warn!("{error}");
+//!         }
+//!     });
+//!     let sit = node.client::<Trigger>("sit")?;
+//!     let response = sit.call(TriggerRequest::default(), Duration::from_secs(5))?;
+//!     tracing::info!("sit: {}", response.message);
+//!     node.run(); // until SIGINT, SIGTERM or node.stop().request()
+//!     Ok(())
+//! }
+//! ```
+//!
+//! # Rules that the middleware imposes
+//!
+//! - One node in a process: endpoints of one participant do not find each other where there is no multicast.
+//! - Publishing takes 13 µs, locks and allocates: never from a control thread. Push into a wait-free queue (`rtrb`) and publish
+//!   from a node's thread.
+//! - A reliable publisher stops for everyone once a reliable subscriber has stalled for 8192 messages. Topics above 150 Hz are
+//!   best effort; the lockstep mode is reliable and treats [`PublishError::Full`] as the end of the run.
+//! - Matching does not look at the type. [`Node::subscribe`] drops messages of publishers that announce another type; lengths and
+//!   values of arrays are for the callback to check.
+//! - A request or response needs at least one member: `std_srvs/Trigger`'s request carries the byte that ROS 2 puts there.
+
+mod arguments;
+mod client;
+mod error;
+mod logging;
+mod names;
+mod node;
+mod parameters;
+mod publisher;
+mod qos;
+mod service;
+mod time;
+
+pub use arguments::{Arguments, DiscoveryRange};
+pub use client::Client;
+pub use error::{CallError, PublishError, RosError};
+pub use node::{Node, Stop};
+pub use parameters::{Parameter, ParameterBuilder, ParameterType, ParameterValue, Ranged};
+pub use publisher::Publisher;
+pub use qos::Qos;
+pub use service::ServeOptions;
+pub use time::wall_time;
+
+/// A message as the middleware wants it: its marker trait cannot be implemented for types of another crate.
+#[derive(Clone, Debug, serde::Serialize, serde::Deserialize)]
+#[serde(transparent, bound = "")]
+struct Wire<M: tandem_msgs::Message>(M);
+
+impl<M: tandem_msgs::Message> ros2_client::Message for Wire<M> {}

@@ -1,0 +1,681 @@
+//! A node: one DDS participant, its publishers, subscriptions, services, parameters and its end.
+
+use std::collections::HashMap;
+use std::net::Ipv4Addr;
+use std::sync::atomic::{AtomicBool, AtomicI64, Ordering};
+use std::sync::{Arc, Mutex, PoisonError, Weak};
+use std::time::{Duration, Instant};
+
+use futures::StreamExt;
+use ros2_client::dds::ServiceMapping;
+use ros2_client::dds::rustdds::DomainParticipantBuilder;
+use ros2_client::{Context, Gid, MessageTypeName, Name, NodeName, NodeOptions, ServiceTypeName};
+use tandem_msgs::builtin_interfaces::Time;
+use tandem_msgs::rcl_interfaces as wire;
+use tandem_msgs::rosgraph_msgs::Clock;
+use tandem_msgs::{Message, Service};
+use tokio::runtime::{Handle, Runtime};
+use tokio::sync::watch;
+use tokio::task::JoinHandle;
+
+use crate::arguments::{Arguments, DiscoveryRange};
+use crate::client::Client;
+use crate::names::{self, Subject};
+use crate::parameters::{ParameterBuilder, ParameterType, Store};
+use crate::publisher::{Publisher, Slot};
+use crate::service::{ServeOptions, serve};
+use crate::{Qos, RosError, Wire, logging};
+
+/// How long the end of a node may take before it is given up.
+const SHUTDOWN_PATIENCE: Duration = Duration::from_secs(2);
+
+/// Requests kept by the middleware for a server: more than the requests of a burst, so that none is overwritten.
+const SERVICE_DEPTH: usize = 128;
+
+/// Asked to stop: by SIGINT, SIGTERM or the program itself. Clones share one state.
+#[derive(Clone, Debug)]
+pub struct Stop {
+    sender: Arc<watch::Sender<bool>>,
+}
+
+impl Stop {
+    fn new() -> Self {
+        Stop {
+            sender: Arc::new(watch::Sender::new(false)),
+        }
+    }
+
+    /// Asks everyone to stop.
+    pub fn request(&self) {
+        self.sender.send_replace(true);
+    }
+
+    /// Whether it has been asked. Wait-free enough for a loop, not for a control thread (a lock is taken).
+    #[must_use]
+    pub fn is_requested(&self) -> bool {
+        *self.sender.borrow()
+    }
+
+    /// Waits until it is asked.
+    pub async fn requested(&self) {
+        // The sender lives as long as self, so waiting cannot fail.
+        let _ = self.sender.subscribe().wait_for(|asked| *asked).await;
+    }
+}
+
+/// What publishers, clients and the tasks of a node share.
+pub(crate) struct Core {
+    /// None once the node is shut down.
+    node: Mutex<Option<ros2_client::Node>>,
+    pub(crate) handle: Handle,
+    name: String,
+    namespace: String,
+    remaps: Vec<names::Remap>,
+    context: Mutex<Option<Context>>,
+}
+
+impl Core {
+    pub(crate) fn with_node<T>(
+        &self,
+        action: impl FnOnce(&mut ros2_client::Node) -> T,
+    ) -> Option<T> {
+        // The middleware's node is a list of endpoints: usable after a panic elsewhere.
+        let mut guard = self.node.lock().unwrap_or_else(PoisonError::into_inner);
+        guard.as_mut().map(action)
+    }
+
+    fn context(&self) -> Option<Context> {
+        self.context
+            .lock()
+            .unwrap_or_else(PoisonError::into_inner)
+            .clone()
+    }
+
+    /// The type that the publisher with this identity announces, if it is known.
+    fn announced_type(&self, publisher: Gid) -> Option<String> {
+        self.context()?
+            .domain_participant()
+            .discovered_writers()
+            .into_iter()
+            .find(|writer| Gid::from(writer.writer_proxy.remote_writer_guid) == publisher)
+            .map(|writer| writer.publication_topic_data.type_name)
+    }
+
+    fn full_name(&self, name: &str, subject: Subject) -> Result<String, RosError> {
+        names::resolve(name, subject, &self.namespace, &self.name, &self.remaps)
+    }
+}
+
+pub(crate) fn dds_name(full: &str) -> Result<Name, RosError> {
+    Name::parse(full).map_err(|error| RosError::Name {
+        name: full.to_string(),
+        reason: error.to_string(),
+    })
+}
+
+/// A ROS 2 node.
+///
+/// Callbacks run on the node's own threads (two of them): they must be short and must not block; hand data over by a channel.
+/// Service handlers run on a thread where they may take their time, one request after the other for each service.
+///
+/// A process has one node: the middleware does not match endpoints of one participant with each other where there is no
+/// multicast.
+pub struct Node {
+    core: Arc<Core>,
+    store: Arc<Store>,
+    runtime: Option<Runtime>,
+    spinner: Option<JoinHandle<()>>,
+    tasks: Mutex<Vec<JoinHandle<()>>>,
+    closers: Mutex<Vec<Box<dyn FnOnce() + Send>>>,
+    stop: Stop,
+    /// Simulated time in nanoseconds; None: wall time.
+    simulated: Option<Arc<AtomicI64>>,
+}
+
+impl Node {
+    /// Starts a node with a default name and the namespace `/`; the command line may change both.
+    /// Also installs the log subscriber (standard error and `/rosout`), the handlers of SIGINT and SIGTERM (a second one ends
+    /// the process at once), the parameter services and, with `use_sim_time`, the clock.
+    ///
+    /// # Errors
+    /// Wrong names or parameters, or when the middleware cannot start (no network interface, no free port).
+    pub fn start(name: &str, arguments: &Arguments) -> Result<Self, RosError> {
+        let (name, namespace) = arguments.node_name(name, "/")?;
+        let lines = logging::start(arguments, &name);
+        let create = |reason: String| RosError::Create {
+            what: format!("node {name:?} in domain {}", arguments.domain_id),
+            reason,
+        };
+        let runtime = tokio::runtime::Builder::new_multi_thread()
+            .worker_threads(2)
+            .thread_name("ros")
+            .enable_all()
+            .build()
+            .map_err(|error| create(error.to_string()))?;
+
+        let mut builder = DomainParticipantBuilder::new(arguments.domain_id);
+        if arguments.range == DiscoveryRange::Localhost {
+            builder = builder.with_only_networks([Ipv4Addr::LOCALHOST]);
+        }
+        let participant = builder.build().map_err(|error| create(error.to_string()))?;
+        let context = Context::from_domain_participant(participant)
+            .map_err(|error| create(error.to_string()))?;
+        let node_name =
+            NodeName::new(&namespace, &name).map_err(|error| create(error.to_string()))?;
+        let options = NodeOptions::new()
+            .enable_rosout(false)
+            .start_parameter_services(false);
+        let mut inner = context
+            .new_node(node_name, options)
+            .map_err(|error| create(error.to_string()))?;
+        let spinner = inner.spinner().map_err(|error| create(error.to_string()))?;
+        let spinner = runtime.spawn(async move {
+            if let Err(error) = spinner.spin().await {
+                tracing::error!("discovery ended: {error}");
+            }
+        });
+
+        let full_name = names::expand("~", &namespace, &name)?;
+        let core = Arc::new(Core {
+            node: Mutex::new(Some(inner)),
+            handle: runtime.handle().clone(),
+            name,
+            namespace,
+            remaps: arguments.remaps.clone(),
+            context: Mutex::new(Some(context)),
+        });
+        let (changes, mut changed) = tokio::sync::mpsc::unbounded_channel();
+        let store = Arc::new(Store::new(
+            full_name.clone(),
+            &arguments.overrides,
+            move |change| {
+                // Nobody listens once the node is shut down.
+                let _ = changes.send(change);
+            },
+        ));
+        let mut node = Node {
+            core,
+            store,
+            runtime: Some(runtime),
+            spinner: Some(spinner),
+            tasks: Mutex::default(),
+            closers: Mutex::default(),
+            stop: Stop::new(),
+            simulated: None,
+        };
+        node.watch_signals()?;
+        node.serve_parameters()?;
+        let events =
+            node.publisher::<wire::ParameterEvent>("/parameter_events", Qos::reliable(1000))?;
+        node.spawn(async move {
+            while let Some(change) = changed.recv().await {
+                let event = crate::parameters::Changes::into_event(
+                    change,
+                    full_name.clone(),
+                    crate::wall_time(),
+                );
+                if let Err(error) = events.publish(event) {
+                    tracing::warn!("{error}");
+                }
+            }
+        });
+        if let Some(lines) = lines {
+            node.publish_log(lines)?;
+        }
+        let sim_time = node
+            .parameter("use_sim_time", false)
+            .description("Take the time from /clock instead of the machine's clock.")
+            .read_only()
+            .declare()?;
+        if sim_time.get() {
+            let time = Arc::new(AtomicI64::new(0));
+            node.simulated = Some(Arc::clone(&time));
+            node.subscribe::<Clock>("/clock", Qos::best_effort(1), move |message| {
+                time.store(message.clock.nanoseconds(), Ordering::Relaxed);
+            })?;
+        }
+        Ok(node)
+    }
+
+    /// The node's full name, such as `/robot/controller`.
+    #[must_use]
+    pub fn full_name(&self) -> String {
+        if self.core.namespace == "/" {
+            format!("/{}", self.core.name)
+        } else {
+            format!("{}/{}", self.core.namespace, self.core.name)
+        }
+    }
+
+    /// The node's namespace, `/` or `/robot`.
+    #[must_use]
+    pub fn namespace(&self) -> &str {
+        &self.core.namespace
+    }
+
+    /// Simulated time where the parameter `use_sim_time` says so (0 until a clock is heard), else the wall clock.
+    #[must_use]
+    pub fn now(&self) -> Time {
+        match &self.simulated {
+            Some(time) => Time::from_nanoseconds(time.load(Ordering::Relaxed)),
+            None => crate::wall_time(),
+        }
+    }
+
+    /// A publisher. Names are expanded and remapped as in ROS 2.
+    ///
+    /// # Errors
+    /// A wrong name, or the middleware's reason.
+    pub fn publisher<M: Message>(&self, topic: &str, qos: Qos) -> Result<Publisher<M>, RosError> {
+        let full = self.core.full_name(topic, Subject::Topic)?;
+        let create = |reason: String| RosError::Create {
+            what: format!("publisher on {full}"),
+            reason,
+        };
+        let name = dds_name(&full)?;
+        let inner = self
+            .core
+            .with_node(|node| {
+                let topic = node.create_topic(
+                    &name,
+                    MessageTypeName::new(M::PACKAGE, M::NAME),
+                    &qos.profile(),
+                )?;
+                node.create_publisher::<M>(&topic, Some(qos.profile()))
+            })
+            .ok_or_else(|| self.shut_down(&full))?
+            .map_err(|error| create(error.to_string()))?;
+        let slot = Arc::new(Slot::new(inner));
+        self.close_with(Arc::downgrade(&slot), Slot::close);
+        Ok(Publisher::new(full, slot))
+    }
+
+    /// A subscription that lives as long as the node. Messages of publishers that announce another type, and messages that do
+    /// not decode, are dropped with a warning; arrays' lengths and values are the callback's to check.
+    ///
+    /// # Errors
+    /// A wrong name, or the middleware's reason.
+    pub fn subscribe<M: Message>(
+        &self,
+        topic: &str,
+        qos: Qos,
+        mut callback: impl FnMut(M) + Send + 'static,
+    ) -> Result<(), RosError> {
+        let full = self.core.full_name(topic, Subject::Topic)?;
+        let create = |reason: String| RosError::Create {
+            what: format!("subscription to {full}"),
+            reason,
+        };
+        let name = dds_name(&full)?;
+        let type_name = MessageTypeName::new(M::PACKAGE, M::NAME);
+        let expected = type_name.dds_msg_type();
+        let subscription = self
+            .core
+            .with_node(|node| {
+                let topic = node.create_topic(&name, type_name, &qos.profile())?;
+                node.create_subscription::<M>(&topic, Some(qos.profile()))
+            })
+            .ok_or_else(|| self.shut_down(&full))?
+            .map_err(|error| create(error.to_string()))?;
+        let core = Arc::clone(&self.core);
+        self.spawn(async move {
+            let mut known = HashMap::new();
+            let mut undecoded = Occasionally::default();
+            let mut messages = Box::pin(subscription.async_stream());
+            while let Some(received) = messages.next().await {
+                match received {
+                    Ok((message, info)) => {
+                        let publisher = info.publisher_gid();
+                        let right = match known.get(&publisher) {
+                            Some(right) => *right,
+                            None => match core.announced_type(publisher) {
+                                // Not known yet: take it, and ask again at its next message.
+                                None => true,
+                                Some(announced) => {
+                                    let right = announced == expected;
+                                    if !right {
+                                        tracing::warn!(
+                                            "topic {full}: a publisher sends {announced}, expected {expected}: its messages are \
+                                             dropped"
+                                        );
+                                    }
+                                    known.insert(publisher, right);
+                                    right
+                                }
+                            },
+                        };
+                        if right {
+                            callback(message);
+                        }
+                    }
+                    Err(error) => {
+                        if let Some(count) = undecoded.now() {
+                            tracing::warn!("topic {full}: {count} messages could not be read, the last: {error}");
+                        }
+                    }
+                }
+            }
+        });
+        Ok(())
+    }
+
+    /// A service. `handler` runs on a thread of its own kind and may take its time; requests are answered one after the other,
+    /// in the order of their arrival, none is lost.
+    ///
+    /// # Errors
+    /// A wrong name, or the middleware's reason.
+    pub fn serve<S: Service>(
+        &self,
+        service: &str,
+        handler: impl FnMut(S::Request) -> S::Response + Send + 'static,
+    ) -> Result<(), RosError> {
+        self.serve_with::<S>(service, ServeOptions::default(), handler)
+    }
+
+    /// As [`Node::serve`], with a bound on the requests that wait.
+    ///
+    /// # Errors
+    /// A wrong name, or the middleware's reason.
+    pub fn serve_with<S: Service>(
+        &self,
+        service: &str,
+        options: ServeOptions<S>,
+        handler: impl FnMut(S::Request) -> S::Response + Send + 'static,
+    ) -> Result<(), RosError> {
+        let full = self.core.full_name(service, Subject::Service)?;
+        let name = dds_name(&full)?;
+        let profile = Qos::reliable(SERVICE_DEPTH).profile();
+        let server = self
+            .core
+            .with_node(|node| {
+                node.create_server::<Wire<S::Request>, Wire<S::Response>>(
+                    ServiceMapping::Enhanced,
+                    &name,
+                    &ServiceTypeName::new(S::PACKAGE, S::NAME),
+                    profile.clone(),
+                    profile.clone(),
+                )
+            })
+            .ok_or_else(|| self.shut_down(&full))?
+            .map_err(|error| RosError::Create {
+                what: format!("service {full}"),
+                reason: error.to_string(),
+            })?;
+        self.spawn(serve::<S>(full, server, options, handler));
+        Ok(())
+    }
+
+    /// A client of a service.
+    ///
+    /// # Errors
+    /// A wrong name, or the middleware's reason.
+    pub fn client<S: Service>(&self, service: &str) -> Result<Client<S>, RosError> {
+        let full = self.core.full_name(service, Subject::Service)?;
+        let name = dds_name(&full)?;
+        let profile = Qos::reliable(SERVICE_DEPTH).profile();
+        let inner = self
+            .core
+            .with_node(|node| {
+                node.create_client::<Wire<S::Request>, Wire<S::Response>>(
+                    ServiceMapping::Enhanced,
+                    &name,
+                    &ServiceTypeName::new(S::PACKAGE, S::NAME),
+                    profile.clone(),
+                    profile.clone(),
+                )
+            })
+            .ok_or_else(|| self.shut_down(&full))?
+            .map_err(|error| RosError::Create {
+                what: format!("client of {full}"),
+                reason: error.to_string(),
+            })?;
+        let client = Client::new(full, inner, Arc::clone(&self.core));
+        self.close_with(client.weak(), |inner| inner.close());
+        Ok(client)
+    }
+
+    /// A parameter with its default, to be described and declared.
+    pub fn parameter<T: ParameterType>(&self, name: &str, default: T) -> ParameterBuilder<T> {
+        ParameterBuilder::new(Arc::clone(&self.store), name, default)
+    }
+
+    /// Warns of values given on the command line or in files that no parameter of this node takes. Call it when all
+    /// parameters are declared.
+    pub fn warn_of_unused_parameters(&self) {
+        for name in self.store.unused_overrides() {
+            tracing::warn!(
+                "parameter {name:?} was given but {} has no such parameter",
+                self.full_name()
+            );
+        }
+    }
+
+    /// How many publishers of other nodes are seen on a topic.
+    #[must_use]
+    pub fn publisher_count(&self, topic: &str) -> usize {
+        self.count(topic, |node, full| node.publisher_count(full))
+    }
+
+    /// How many subscriptions of other nodes are seen on a topic.
+    #[must_use]
+    pub fn subscription_count(&self, topic: &str) -> usize {
+        self.count(topic, |node, full| node.subscription_count(full))
+    }
+
+    fn count(&self, topic: &str, count: impl FnOnce(&ros2_client::Node, &str) -> usize) -> usize {
+        match self.core.full_name(topic, Subject::Topic) {
+            Ok(full) => self
+                .core
+                .with_node(|node| count(node, &full))
+                .unwrap_or_default(),
+            Err(_) => 0,
+        }
+    }
+
+    /// The handle that asks for the end, to be given to other threads.
+    #[must_use]
+    pub fn stop(&self) -> Stop {
+        self.stop.clone()
+    }
+
+    /// Runs a task on the node's threads until the node ends.
+    pub fn spawn(&self, task: impl Future<Output = ()> + Send + 'static) {
+        let handle = self.core.handle.spawn(task);
+        self.tasks
+            .lock()
+            .unwrap_or_else(PoisonError::into_inner)
+            .push(handle);
+    }
+
+    /// Calls `action` at a fixed rate on the node's threads; a late call is skipped, not made up for.
+    pub fn every(&self, period: Duration, mut action: impl FnMut() + Send + 'static) {
+        self.spawn(async move {
+            let mut interval = tokio::time::interval(period);
+            interval.set_missed_tick_behavior(tokio::time::MissedTickBehavior::Skip);
+            loop {
+                interval.tick().await;
+                action();
+            }
+        });
+    }
+
+    /// Waits for SIGINT, SIGTERM or [`Stop::request`], then shuts down.
+    pub fn run(self) {
+        self.core.handle.block_on(self.stop.requested());
+        self.shutdown();
+    }
+
+    /// Ends the node so that others see it leave at once: publishers and clients first, then the node, its spinner and the
+    /// participant. Publishers that are still held elsewhere report [`PublishError::ShutDown`](crate::PublishError::ShutDown).
+    pub fn shutdown(mut self) {
+        self.end();
+    }
+
+    fn end(&mut self) {
+        let Some(runtime) = self.runtime.take() else {
+            return;
+        };
+        self.stop.request();
+        let mut tasks: Vec<_> =
+            std::mem::take(&mut *self.tasks.lock().unwrap_or_else(PoisonError::into_inner));
+        for task in &tasks {
+            task.abort();
+        }
+        let deadline = Instant::now() + SHUTDOWN_PATIENCE;
+        let closers =
+            std::mem::take(&mut *self.closers.lock().unwrap_or_else(PoisonError::into_inner));
+        let spinner = self.spinner.take();
+        let core = Arc::clone(&self.core);
+        runtime.block_on(async move {
+            for task in tasks.drain(..) {
+                // Aborted or finished: either is the end that was asked for.
+                let _ = tokio::time::timeout_at(deadline.into(), task).await;
+            }
+            for close in closers {
+                close();
+            }
+            drop(
+                core.node
+                    .lock()
+                    .unwrap_or_else(PoisonError::into_inner)
+                    .take(),
+            );
+            if let Some(spinner) = spinner
+                && tokio::time::timeout_at(deadline.into(), spinner)
+                    .await
+                    .is_err()
+            {
+                tracing::warn!("the discovery task did not end in time");
+            }
+        });
+        drop(
+            self.core
+                .context
+                .lock()
+                .unwrap_or_else(PoisonError::into_inner)
+                .take(),
+        );
+        runtime.shutdown_timeout(deadline.saturating_duration_since(Instant::now()));
+    }
+
+    fn shut_down(&self, what: &str) -> RosError {
+        RosError::ShutDown {
+            what: what.to_string(),
+        }
+    }
+
+    fn close_with<T: Send + Sync + 'static>(
+        &self,
+        target: Weak<T>,
+        close: impl FnOnce(&T) + Send + 'static,
+    ) {
+        self.closers
+            .lock()
+            .unwrap_or_else(PoisonError::into_inner)
+            .push(Box::new(move || {
+                if let Some(target) = target.upgrade() {
+                    close(&target);
+                }
+            }));
+    }
+
+    fn watch_signals(&self) -> Result<(), RosError> {
+        use tokio::signal::unix::{SignalKind, signal};
+        let _guard = self.core.handle.enter();
+        let listen = |kind| {
+            signal(kind).map_err(|error| RosError::Create {
+                what: "signal handler".to_string(),
+                reason: error.to_string(),
+            })
+        };
+        let mut interrupt = listen(SignalKind::interrupt())?;
+        let mut terminate = listen(SignalKind::terminate())?;
+        let stop = self.stop.clone();
+        let asked = Arc::new(AtomicBool::new(false));
+        // Not one of the tasks that the end aborts: a second signal must work while the node shuts down.
+        self.core.handle.spawn(async move {
+            loop {
+                tokio::select! {
+                    _ = interrupt.recv() => {}
+                    _ = terminate.recv() => {}
+                }
+                if asked.swap(true, Ordering::SeqCst) {
+                    // The shell's number for a process ended by SIGINT.
+                    std::process::exit(130);
+                }
+                stop.request();
+            }
+        });
+        Ok(())
+    }
+
+    fn serve_parameters(&self) -> Result<(), RosError> {
+        macro_rules! service {
+            ($service:ident, $name:literal, $method:ident) => {
+                let store = Arc::clone(&self.store);
+                self.serve::<wire::$service>(concat!("~/", $name), move |request| {
+                    store.$method(&request)
+                })?;
+            };
+        }
+        service!(ListParameters, "list_parameters", list_parameters);
+        service!(GetParameters, "get_parameters", get_parameters);
+        service!(
+            GetParameterTypes,
+            "get_parameter_types",
+            get_parameter_types
+        );
+        service!(
+            DescribeParameters,
+            "describe_parameters",
+            describe_parameters
+        );
+        service!(SetParameters, "set_parameters", set_parameters);
+        service!(
+            SetParametersAtomically,
+            "set_parameters_atomically",
+            set_parameters_atomically
+        );
+        Ok(())
+    }
+
+    fn publish_log(&self, lines: std::sync::mpsc::Receiver<wire::Log>) -> Result<(), RosError> {
+        let rosout = self.publisher::<wire::Log>("/rosout", Qos::transient_local(1000))?;
+        let logger = self.full_name()[1..].replace('/', ".");
+        self.every(Duration::from_millis(50), move || {
+            for line in lines.try_iter() {
+                // An error here cannot be logged without making another line.
+                let _ = rosout.publish(logging::named(line, &logger));
+            }
+        });
+        Ok(())
+    }
+}
+
+impl Drop for Node {
+    fn drop(&mut self) {
+        self.end();
+    }
+}
+
+/// Says at most every five seconds how often something happened since it last said so.
+#[derive(Default)]
+pub(crate) struct Occasionally {
+    count: u64,
+    last: Option<Instant>,
+}
+
+impl Occasionally {
+    pub(crate) fn now(&mut self) -> Option<u64> {
+        self.count += 1;
+        if self
+            .last
+            .is_none_or(|last| last.elapsed() >= Duration::from_secs(5))
+        {
+            self.last = Some(Instant::now());
+            Some(std::mem::take(&mut self.count))
+        } else {
+            None
+        }
+    }
+}

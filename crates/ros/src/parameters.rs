@@ -1,0 +1,911 @@
+//! Typed parameters: declared with description, range and validator; set from the command line, from files and at run time.
+
+use std::collections::BTreeMap;
+use std::fmt;
+use std::marker::PhantomData;
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+
+use serde_yaml_ng::Value as Yaml;
+use tandem_msgs::rcl_interfaces as wire;
+
+use crate::RosError;
+use crate::arguments::Override;
+
+/// A parameter's value.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub enum ParameterValue {
+    /// No value.
+    #[default]
+    NotSet,
+    /// A truth value.
+    Bool(bool),
+    /// A whole number.
+    Integer(i64),
+    /// A number.
+    Double(f64),
+    /// A text.
+    String(String),
+    /// Bytes.
+    ByteArray(Vec<u8>),
+    /// Truth values.
+    BoolArray(Vec<bool>),
+    /// Whole numbers.
+    IntegerArray(Vec<i64>),
+    /// Numbers.
+    DoubleArray(Vec<f64>),
+    /// Texts.
+    StringArray(Vec<String>),
+}
+
+const TYPE_NAMES: [&str; 10] = [
+    "not set",
+    "bool",
+    "integer",
+    "double",
+    "string",
+    "byte array",
+    "bool array",
+    "integer array",
+    "double array",
+    "string array",
+];
+
+impl fmt::Display for ParameterValue {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::NotSet => f.write_str("not set"),
+            Self::Bool(value) => write!(f, "{value}"),
+            Self::Integer(value) => write!(f, "{value}"),
+            Self::Double(value) => write!(f, "{value:?}"),
+            Self::String(value) => write!(f, "{value:?}"),
+            Self::ByteArray(value) => write!(f, "{value:?}"),
+            Self::BoolArray(value) => write!(f, "{value:?}"),
+            Self::IntegerArray(value) => write!(f, "{value:?}"),
+            Self::DoubleArray(value) => write!(f, "{value:?}"),
+            Self::StringArray(value) => write!(f, "{value:?}"),
+        }
+    }
+}
+
+impl ParameterValue {
+    /// The number that `rcl_interfaces/ParameterType` gives this type.
+    fn type_number(&self) -> u8 {
+        match self {
+            Self::NotSet => 0,
+            Self::Bool(_) => 1,
+            Self::Integer(_) => 2,
+            Self::Double(_) => 3,
+            Self::String(_) => 4,
+            Self::ByteArray(_) => 5,
+            Self::BoolArray(_) => 6,
+            Self::IntegerArray(_) => 7,
+            Self::DoubleArray(_) => 8,
+            Self::StringArray(_) => 9,
+        }
+    }
+
+    fn type_name(&self) -> &'static str {
+        TYPE_NAMES[usize::from(self.type_number())]
+    }
+
+    fn to_wire(&self) -> wire::ParameterValue {
+        let mut message = wire::ParameterValue {
+            r#type: self.type_number(),
+            ..Default::default()
+        };
+        match self.clone() {
+            Self::NotSet => {}
+            Self::Bool(value) => message.bool_value = value,
+            Self::Integer(value) => message.integer_value = value,
+            Self::Double(value) => message.double_value = value,
+            Self::String(value) => message.string_value = value,
+            Self::ByteArray(value) => message.byte_array_value = value,
+            Self::BoolArray(value) => message.bool_array_value = value,
+            Self::IntegerArray(value) => message.integer_array_value = value,
+            Self::DoubleArray(value) => message.double_array_value = value,
+            Self::StringArray(value) => message.string_array_value = value,
+        }
+        message
+    }
+
+    fn from_wire(message: &wire::ParameterValue) -> Result<Self, String> {
+        Ok(match message.r#type {
+            0 => Self::NotSet,
+            1 => Self::Bool(message.bool_value),
+            2 => Self::Integer(message.integer_value),
+            3 => Self::Double(message.double_value),
+            4 => Self::String(message.string_value.clone()),
+            5 => Self::ByteArray(message.byte_array_value.clone()),
+            6 => Self::BoolArray(message.bool_array_value.clone()),
+            7 => Self::IntegerArray(message.integer_array_value.clone()),
+            8 => Self::DoubleArray(message.double_array_value.clone()),
+            9 => Self::StringArray(message.string_array_value.clone()),
+            other => return Err(format!("type {other} is not known (0 to 9 are)")),
+        })
+    }
+
+    /// From a YAML value, as parameter files and `-p` write it.
+    pub(crate) fn from_yaml(yaml: &Yaml) -> Result<Self, String> {
+        match yaml {
+            Yaml::Bool(value) => Ok(Self::Bool(*value)),
+            Yaml::Number(number) => match (number.as_i64(), number.as_f64()) {
+                (Some(value), _) => Ok(Self::Integer(value)),
+                (None, Some(value)) if number.is_f64() => Ok(Self::Double(value)),
+                _ => Err(format!("{number} does not fit in 64 bits with a sign")),
+            },
+            // YAML 1.1, which ROS 2 reads, has more words for truth values than YAML 1.2.
+            Yaml::String(text) => Ok(match text.as_str() {
+                "y" | "Y" | "yes" | "Yes" | "YES" | "on" | "On" | "ON" => Self::Bool(true),
+                "n" | "N" | "no" | "No" | "NO" | "off" | "Off" | "OFF" => Self::Bool(false),
+                _ => Self::String(text.clone()),
+            }),
+            Yaml::Sequence(items) => {
+                let items = items
+                    .iter()
+                    .map(Self::from_yaml)
+                    .collect::<Result<Vec<_>, _>>()?;
+                array(&items).ok_or_else(|| {
+                    "a list must be of one type: all bool, all integer, all double or all string".to_string()
+                })
+            }
+            Yaml::Null => Err("a value is missing".to_string()),
+            Yaml::Mapping(_) | Yaml::Tagged(_) => {
+                Err("expected a value or a list of values".to_string())
+            }
+        }
+    }
+}
+
+/// One array out of values of one type.
+fn array(items: &[ParameterValue]) -> Option<ParameterValue> {
+    macro_rules! collect {
+        ($variant:ident, $array:ident) => {
+            items
+                .iter()
+                .map(|item| match item {
+                    ParameterValue::$variant(value) => Some(value.clone()),
+                    _ => None,
+                })
+                .collect::<Option<_>>()
+                .map(ParameterValue::$array)
+        };
+    }
+    match items.first() {
+        // An empty list has no type; ROS 2 passes it on as not set.
+        None => Some(ParameterValue::NotSet),
+        Some(ParameterValue::Bool(_)) => collect!(Bool, BoolArray),
+        Some(ParameterValue::Integer(_)) => collect!(Integer, IntegerArray),
+        Some(ParameterValue::Double(_)) => collect!(Double, DoubleArray),
+        Some(ParameterValue::String(_)) => collect!(String, StringArray),
+        Some(_) => None,
+    }
+}
+
+/// A Rust type that a parameter can have.
+pub trait ParameterType: Clone + Send + Sync + 'static {
+    /// To a parameter's value.
+    fn into_value(self) -> ParameterValue;
+    /// From a parameter's value of just this type.
+    fn from_value(value: &ParameterValue) -> Option<Self>;
+}
+
+macro_rules! parameter_type {
+    ($($rust:ty => $variant:ident),* $(,)?) => { $(
+        impl ParameterType for $rust {
+            fn into_value(self) -> ParameterValue {
+                ParameterValue::$variant(self)
+            }
+            fn from_value(value: &ParameterValue) -> Option<Self> {
+                match value {
+                    ParameterValue::$variant(value) => Some(value.clone()),
+                    _ => None,
+                }
+            }
+        }
+    )* };
+}
+parameter_type! {
+    bool => Bool, i64 => Integer, f64 => Double, String => String,
+    Vec<bool> => BoolArray, Vec<i64> => IntegerArray, Vec<f64> => DoubleArray, Vec<String> => StringArray,
+}
+
+/// A parameter type that can have a range.
+pub trait Ranged: ParameterType + PartialOrd + fmt::Display {
+    #[doc(hidden)]
+    fn describe(from: &Self, to: &Self, descriptor: &mut wire::ParameterDescriptor);
+}
+
+impl Ranged for f64 {
+    fn describe(from: &f64, to: &f64, descriptor: &mut wire::ParameterDescriptor) {
+        descriptor.floating_point_range = Some(wire::FloatingPointRange {
+            from_value: *from,
+            to_value: *to,
+            step: 0.0,
+        })
+        .into();
+    }
+}
+
+impl Ranged for i64 {
+    fn describe(from: &i64, to: &i64, descriptor: &mut wire::ParameterDescriptor) {
+        descriptor.integer_range = Some(wire::IntegerRange {
+            from_value: *from,
+            to_value: *to,
+            step: 0,
+        })
+        .into();
+    }
+}
+
+type Check = Box<dyn Fn(&ParameterValue) -> Result<(), String> + Send + Sync>;
+
+struct Entry {
+    value: ParameterValue,
+    descriptor: wire::ParameterDescriptor,
+    checks: Vec<Check>,
+}
+
+impl Entry {
+    fn check(&self, value: &ParameterValue) -> Result<(), String> {
+        if value.type_number() != self.descriptor.r#type {
+            let expected = TYPE_NAMES[usize::from(self.descriptor.r#type)];
+            let hint = match (value, expected) {
+                (ParameterValue::Integer(number), "double") => format!("; write {number}.0"),
+                _ => String::new(),
+            };
+            return Err(format!(
+                "expected {expected}, got {} {value}{hint}",
+                value.type_name()
+            ));
+        }
+        self.checks.iter().try_for_each(|check| check(value))
+    }
+}
+
+/// What happened to parameters, for `/parameter_events`.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub(crate) struct Changes {
+    pub(crate) new: Vec<(String, ParameterValue)>,
+    pub(crate) changed: Vec<(String, ParameterValue)>,
+}
+
+impl Changes {
+    pub(crate) fn into_event(
+        self,
+        node: String,
+        stamp: tandem_msgs::builtin_interfaces::Time,
+    ) -> wire::ParameterEvent {
+        let list = |items: Vec<(String, ParameterValue)>| {
+            items
+                .into_iter()
+                .map(|(name, value)| wire::Parameter {
+                    name,
+                    value: value.to_wire(),
+                })
+                .collect()
+        };
+        wire::ParameterEvent {
+            stamp,
+            node,
+            new_parameters: list(self.new),
+            changed_parameters: list(self.changed),
+            deleted_parameters: Vec::new(),
+        }
+    }
+}
+
+/// A node's parameters.
+pub(crate) struct Store {
+    node: String,
+    overrides: BTreeMap<String, ParameterValue>,
+    declared: Mutex<BTreeMap<String, Entry>>,
+    on_change: Box<dyn Fn(Changes) + Send + Sync>,
+}
+
+impl Store {
+    /// `node` is the full name. Of the overrides that match it the later wins.
+    pub(crate) fn new(
+        node: String,
+        overrides: &[Override],
+        on_change: impl Fn(Changes) + Send + Sync + 'static,
+    ) -> Self {
+        let overrides = overrides
+            .iter()
+            .filter(|candidate| matches(&candidate.node, &node))
+            .map(|candidate| (candidate.name.clone(), candidate.value.clone()))
+            .collect();
+        Store {
+            node,
+            overrides,
+            declared: Mutex::default(),
+            on_change: Box::new(on_change),
+        }
+    }
+
+    fn declared(&self) -> MutexGuard<'_, BTreeMap<String, Entry>> {
+        // Entries are replaced whole: a panic elsewhere leaves no half-written value.
+        self.declared.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    fn declare(&self, name: &str, mut entry: Entry) -> Result<(), RosError> {
+        let wrong = |reason: String| RosError::Parameter {
+            name: name.to_string(),
+            reason: format!("{reason} (node {})", self.node),
+        };
+        if let Some(value) = self.overrides.get(name) {
+            entry.check(value).map_err(wrong)?;
+            entry.value = value.clone();
+        } else {
+            entry
+                .check(&entry.value)
+                .map_err(|reason| wrong(format!("its default: {reason}")))?;
+        }
+        let value = entry.value.clone();
+        let mut declared = self.declared();
+        if declared.contains_key(name) {
+            return Err(wrong("declared twice".to_string()));
+        }
+        declared.insert(name.to_string(), entry);
+        drop(declared);
+        (self.on_change)(Changes {
+            new: vec![(name.to_string(), value)],
+            changed: Vec::new(),
+        });
+        Ok(())
+    }
+
+    pub(crate) fn get(&self, name: &str) -> Option<ParameterValue> {
+        self.declared().get(name).map(|entry| entry.value.clone())
+    }
+
+    /// Overrides for this node that no parameter took.
+    pub(crate) fn unused_overrides(&self) -> Vec<String> {
+        let declared = self.declared();
+        self.overrides
+            .keys()
+            .filter(|name| !declared.contains_key(*name))
+            .cloned()
+            .collect()
+    }
+
+    /// All or nothing.
+    pub(crate) fn set(&self, parameters: &[(String, ParameterValue)]) -> Result<(), String> {
+        let mut declared = self.declared();
+        for (name, value) in parameters {
+            let entry = declared.get(name).ok_or_else(|| {
+                let known: Vec<&str> = declared.keys().map(String::as_str).collect();
+                format!(
+                    "parameter {name:?} is not declared; this node has {}",
+                    known.join(", ")
+                )
+            })?;
+            if entry.descriptor.read_only {
+                return Err(format!(
+                    "parameter {name:?} is read-only: set it when the node is started"
+                ));
+            }
+            entry
+                .check(value)
+                .map_err(|reason| format!("parameter {name:?}: {reason}"))?;
+        }
+        for (name, value) in parameters {
+            if let Some(entry) = declared.get_mut(name) {
+                entry.value = value.clone();
+            }
+        }
+        drop(declared);
+        (self.on_change)(Changes {
+            new: Vec::new(),
+            changed: parameters.to_vec(),
+        });
+        Ok(())
+    }
+
+    fn set_from_wire(&self, parameters: &[wire::Parameter]) -> wire::SetParametersResult {
+        let outcome = parameters
+            .iter()
+            .map(|parameter| {
+                ParameterValue::from_wire(&parameter.value)
+                    .map(|value| (parameter.name.clone(), value))
+                    .map_err(|reason| format!("parameter {:?}: {reason}", parameter.name))
+            })
+            .collect::<Result<Vec<_>, _>>()
+            .and_then(|parameters| self.set(&parameters));
+        wire::SetParametersResult {
+            successful: outcome.is_ok(),
+            reason: outcome.err().unwrap_or_default(),
+        }
+    }
+
+    // The six services.
+
+    pub(crate) fn list_parameters(
+        &self,
+        request: &wire::ListParametersRequest,
+    ) -> wire::ListParametersResponse {
+        let declared = self.declared();
+        let levels = |name: &str| name.matches('.').count() as u64;
+        let wanted = |name: &&String| {
+            if request.prefixes.is_empty() {
+                return request.depth == 0 || levels(name) < request.depth;
+            }
+            request.prefixes.iter().any(|prefix| {
+                name.as_str() == prefix
+                    || name.strip_prefix(prefix.as_str()).is_some_and(|rest| {
+                        rest.starts_with('.')
+                            && (request.depth == 0 || levels(&rest[1..]) < request.depth)
+                    })
+            })
+        };
+        let names: Vec<String> = declared.keys().filter(wanted).cloned().collect();
+        let mut prefixes: Vec<String> = names
+            .iter()
+            .filter_map(|name| name.rsplit_once('.').map(|(prefix, _)| prefix.to_string()))
+            .collect();
+        prefixes.dedup();
+        wire::ListParametersResponse {
+            result: wire::ListParametersResult { names, prefixes },
+        }
+    }
+
+    pub(crate) fn get_parameters(
+        &self,
+        request: &wire::GetParametersRequest,
+    ) -> wire::GetParametersResponse {
+        let declared = self.declared();
+        wire::GetParametersResponse {
+            values: request
+                .names
+                .iter()
+                .map(|name| {
+                    declared
+                        .get(name)
+                        .map(|entry| entry.value.to_wire())
+                        .unwrap_or_default()
+                })
+                .collect(),
+        }
+    }
+
+    pub(crate) fn get_parameter_types(
+        &self,
+        request: &wire::GetParameterTypesRequest,
+    ) -> wire::GetParameterTypesResponse {
+        let declared = self.declared();
+        wire::GetParameterTypesResponse {
+            types: request
+                .names
+                .iter()
+                .map(|name| {
+                    declared
+                        .get(name)
+                        .map_or(0, |entry| entry.value.type_number())
+                })
+                .collect(),
+        }
+    }
+
+    pub(crate) fn describe_parameters(
+        &self,
+        request: &wire::DescribeParametersRequest,
+    ) -> wire::DescribeParametersResponse {
+        let declared = self.declared();
+        wire::DescribeParametersResponse {
+            descriptors: request
+                .names
+                .iter()
+                .map(|name| match declared.get(name) {
+                    Some(entry) => entry.descriptor.clone(),
+                    None => wire::ParameterDescriptor {
+                        name: name.clone(),
+                        ..Default::default()
+                    },
+                })
+                .collect(),
+        }
+    }
+
+    pub(crate) fn set_parameters(
+        &self,
+        request: &wire::SetParametersRequest,
+    ) -> wire::SetParametersResponse {
+        wire::SetParametersResponse {
+            results: request
+                .parameters
+                .iter()
+                .map(|parameter| self.set_from_wire(std::slice::from_ref(parameter)))
+                .collect(),
+        }
+    }
+
+    pub(crate) fn set_parameters_atomically(
+        &self,
+        request: &wire::SetParametersAtomicallyRequest,
+    ) -> wire::SetParametersAtomicallyResponse {
+        wire::SetParametersAtomicallyResponse {
+            result: self.set_from_wire(&request.parameters),
+        }
+    }
+}
+
+/// A declared parameter. Reading it takes a lock: not for a control thread.
+pub struct Parameter<T> {
+    store: Arc<Store>,
+    name: String,
+    default: T,
+}
+
+impl<T: ParameterType> Parameter<T> {
+    /// The present value.
+    #[must_use]
+    pub fn get(&self) -> T {
+        // Declared with this type and never undeclared, so the default is never used.
+        self.store
+            .get(&self.name)
+            .and_then(|value| T::from_value(&value))
+            .unwrap_or_else(|| self.default.clone())
+    }
+
+    /// Sets it from inside the program, through the same checks as from outside.
+    ///
+    /// # Errors
+    /// The check that refused the value.
+    pub fn set(&self, value: T) -> Result<(), String> {
+        self.store.set(&[(self.name.clone(), value.into_value())])
+    }
+}
+
+/// A parameter that is about to be declared: see [`Node::parameter`](crate::Node::parameter).
+#[must_use = "call declare()"]
+pub struct ParameterBuilder<T> {
+    store: Arc<Store>,
+    default: T,
+    entry: Entry,
+    kind: PhantomData<T>,
+}
+
+impl<T: ParameterType> ParameterBuilder<T> {
+    pub(crate) fn new(store: Arc<Store>, name: &str, default: T) -> Self {
+        let value = default.clone().into_value();
+        ParameterBuilder {
+            store,
+            default,
+            entry: Entry {
+                descriptor: wire::ParameterDescriptor {
+                    name: name.to_string(),
+                    r#type: value.type_number(),
+                    ..Default::default()
+                },
+                value,
+                checks: Vec::new(),
+            },
+            kind: PhantomData,
+        }
+    }
+
+    /// What it is, with its unit.
+    pub fn description(mut self, text: &str) -> Self {
+        self.entry.descriptor.description = text.to_string();
+        self
+    }
+
+    /// Can be set only when the node is started.
+    pub fn read_only(mut self) -> Self {
+        self.entry.descriptor.read_only = true;
+        self
+    }
+
+    /// A check beyond the range; its error reaches whoever sets the parameter. `rule` says it for people.
+    pub fn validate(
+        mut self,
+        rule: &str,
+        check: impl Fn(&T) -> Result<(), String> + Send + Sync + 'static,
+    ) -> Self {
+        self.entry.descriptor.additional_constraints = rule.to_string();
+        self.entry
+            .checks
+            .push(Box::new(move |value| match T::from_value(value) {
+                Some(value) => check(&value),
+                None => Ok(()), // the type is checked before
+            }));
+        self
+    }
+
+    /// Declares it. Its value is the default, or what the command line or a file says.
+    ///
+    /// # Errors
+    /// When a value given at the start is of another type or out of range, or the name is taken.
+    pub fn declare(self) -> Result<Parameter<T>, RosError> {
+        let name = self.entry.descriptor.name.clone();
+        self.store.declare(&name, self.entry)?;
+        Ok(Parameter {
+            store: self.store,
+            name,
+            default: self.default,
+        })
+    }
+}
+
+impl<T: Ranged> ParameterBuilder<T> {
+    /// Least and greatest value. NaN is in no range.
+    pub fn range(mut self, from: T, to: T) -> Self {
+        T::describe(&from, &to, &mut self.entry.descriptor);
+        self.entry
+            .checks
+            .push(Box::new(move |value| match T::from_value(value) {
+                Some(value) if value >= from && value <= to => Ok(()),
+                Some(value) => Err(format!("expected a value from {from} to {to}, got {value}")),
+                None => Ok(()), // the type is checked before
+            }));
+        self
+    }
+}
+
+/// Whether a node pattern of a parameter file (`/a/*/b`, `/**`) matches a full node name.
+fn matches(pattern: &str, node: &str) -> bool {
+    fn parts(pattern: &[&str], node: &[&str]) -> bool {
+        match (pattern.split_first(), node.split_first()) {
+            (None, None) => true,
+            (Some((&"**", rest)), _) => (0..=node.len()).any(|skip| parts(rest, &node[skip..])),
+            (Some((&"*", rest)), Some((_, others))) => parts(rest, others),
+            (Some((name, rest)), Some((other, others))) => name == other && parts(rest, others),
+            _ => false,
+        }
+    }
+    let split = |name: &'_ str| {
+        name.split('/')
+            .filter(|part| !part.is_empty())
+            .map(str::to_string)
+            .collect::<Vec<_>>()
+    };
+    let (pattern, node) = (split(pattern), split(node));
+    parts(
+        &pattern.iter().map(String::as_str).collect::<Vec<_>>(),
+        &node.iter().map(String::as_str).collect::<Vec<_>>(),
+    )
+}
+
+const PARAMETERS_KEY: &str = "ros__parameters";
+
+/// The values of a parameter file: node names (nested by namespace if one likes), `ros__parameters`, values nested by dots.
+pub(crate) fn overrides_from_yaml(text: &str) -> Result<Vec<Override>, String> {
+    let document: Yaml =
+        serde_yaml_ng::from_str(text).map_err(|error| format!("not YAML: {error}"))?;
+    let Yaml::Mapping(nodes) = document else {
+        return Err(format!(
+            "expected 'NODE: {{{PARAMETERS_KEY}: {{NAME: VALUE}}}}'"
+        ));
+    };
+    let mut overrides = Vec::new();
+    nodes_of(&nodes, "", &mut overrides)?;
+    Ok(overrides)
+}
+
+fn key(yaml: &Yaml) -> Result<String, String> {
+    match yaml {
+        Yaml::String(text) => Ok(text.clone()),
+        Yaml::Bool(value) => Ok(value.to_string()),
+        Yaml::Number(value) => Ok(value.to_string()),
+        _ => Err("a key must be a name".to_string()),
+    }
+}
+
+fn nodes_of(
+    nodes: &serde_yaml_ng::Mapping,
+    namespace: &str,
+    overrides: &mut Vec<Override>,
+) -> Result<(), String> {
+    for (name, content) in nodes {
+        let name = key(name)?;
+        if name == PARAMETERS_KEY {
+            let Yaml::Mapping(values) = content else {
+                return Err(format!(
+                    "{namespace}: {PARAMETERS_KEY} must hold 'NAME: VALUE'"
+                ));
+            };
+            if namespace.is_empty() {
+                return Err(format!("{PARAMETERS_KEY} must stand below a node's name"));
+            }
+            values_of(values, "", namespace, overrides)?;
+        } else {
+            let full = format!("{namespace}/{}", name.trim_matches('/'));
+            let Yaml::Mapping(inner) = content else {
+                return Err(format!("{full}: expected '{PARAMETERS_KEY}:' below it"));
+            };
+            nodes_of(inner, &full, overrides)?;
+        }
+    }
+    Ok(())
+}
+
+fn values_of(
+    values: &serde_yaml_ng::Mapping,
+    prefix: &str,
+    node: &str,
+    overrides: &mut Vec<Override>,
+) -> Result<(), String> {
+    for (name, value) in values {
+        let name = format!("{prefix}{}", key(name)?);
+        if let Yaml::Mapping(inner) = value {
+            values_of(inner, &format!("{name}."), node, overrides)?;
+        } else {
+            overrides.push(Override {
+                node: node.to_string(),
+                value: ParameterValue::from_yaml(value)
+                    .map_err(|reason| format!("{node}: {name}: {reason}"))?,
+                name,
+            });
+        }
+    }
+    Ok(())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn store(yaml: &str) -> Arc<Store> {
+        Arc::new(Store::new(
+            "/robot/walker".to_string(),
+            &overrides_from_yaml(yaml).unwrap(),
+            |_| {},
+        ))
+    }
+
+    #[test]
+    fn files_are_read_by_node_name_and_wildcards() {
+        let store = store(
+            "/**: {ros__parameters: {a: 1, b: 1, c: 1}}\n\
+             /robot/walker: {ros__parameters: {b: 2, group: {d: [1.0, 2.0]}}}\n\
+             robot: {walker: {ros__parameters: {c: 3}}}\n\
+             /*/walker: {ros__parameters: {e: yes}}\n\
+             /walker: {ros__parameters: {a: 9}}\n",
+        );
+        let declare = |name| {
+            ParameterBuilder::new(Arc::clone(&store), name, 0_i64)
+                .declare()
+                .unwrap()
+                .get()
+        };
+        assert_eq!((declare("a"), declare("b"), declare("c")), (1, 2, 3));
+        let group = ParameterBuilder::new(Arc::clone(&store), "group.d", vec![0.0])
+            .declare()
+            .unwrap();
+        assert_eq!(group.get(), [1.0, 2.0]);
+        assert!(
+            ParameterBuilder::new(Arc::clone(&store), "e", false)
+                .declare()
+                .unwrap()
+                .get()
+        );
+        assert!(store.unused_overrides().is_empty());
+    }
+
+    #[test]
+    fn wrong_files_are_refused_with_the_place() {
+        let error = |text| overrides_from_yaml(text).unwrap_err();
+        assert!(error("- 1").contains("NODE"));
+        assert!(error("walker: 3").contains("/walker"));
+        assert!(error("ros__parameters: {a: 1}").contains("below a node's name"));
+        assert!(error("walker: {ros__parameters: {a: [1, 2.0]}}").contains("one type"));
+        assert!(error("walker: {ros__parameters: {g: {a: }}}").contains("g.a"));
+    }
+
+    #[test]
+    fn values_are_checked_when_declared_and_when_set() {
+        let store = store("/**: {ros__parameters: {rate: 5000.0, steps: 2.5}}");
+        let build =
+            |name| ParameterBuilder::new(Arc::clone(&store), name, 100.0).range(1.0, 1000.0);
+        let error = build("rate").declare().err().unwrap().to_string();
+        assert!(
+            error.contains("rate") && error.contains("from 1 to 1000") && error.contains("5000"),
+            "{error}"
+        );
+        let error = ParameterBuilder::new(Arc::clone(&store), "steps", 1_i64)
+            .declare()
+            .err()
+            .unwrap()
+            .to_string();
+        assert!(
+            error.contains("expected integer, got double 2.5"),
+            "{error}"
+        );
+
+        let limit = build("limit")
+            .validate("even", |value| {
+                if value % 2.0 == 0.0 {
+                    Ok(())
+                } else {
+                    Err(format!("{value} is odd"))
+                }
+            })
+            .declare()
+            .unwrap();
+        let set = |value: ParameterValue| store.set(&[("limit".to_string(), value)]);
+        assert_eq!(set(ParameterValue::Double(4.0)), Ok(()));
+        assert_eq!(limit.get(), 4.0);
+        assert!(
+            set(ParameterValue::Double(f64::NAN))
+                .unwrap_err()
+                .contains("NaN")
+        );
+        assert!(
+            set(ParameterValue::Double(3.0))
+                .unwrap_err()
+                .contains("3 is odd")
+        );
+        assert!(
+            set(ParameterValue::Integer(4))
+                .unwrap_err()
+                .contains("write 4.0")
+        );
+        assert!(
+            store
+                .set(&[("limt".to_string(), ParameterValue::Double(1.0))])
+                .unwrap_err()
+                .contains("limit")
+        );
+        assert_eq!(limit.get(), 4.0);
+        assert!(build("limit").declare().is_err(), "declared twice");
+    }
+
+    #[test]
+    fn several_are_set_all_or_nothing() {
+        let store = store("{}");
+        let a = ParameterBuilder::new(Arc::clone(&store), "a", 1_i64)
+            .declare()
+            .unwrap();
+        let _b = ParameterBuilder::new(Arc::clone(&store), "b", 1_i64)
+            .read_only()
+            .declare()
+            .unwrap();
+        let both = [
+            ("a".to_string(), ParameterValue::Integer(5)),
+            ("b".to_string(), ParameterValue::Integer(5)),
+        ];
+        assert!(store.set(&both).unwrap_err().contains("read-only"));
+        assert_eq!(a.get(), 1);
+    }
+
+    #[test]
+    fn lists_follow_prefix_and_depth() {
+        let store = store("{}");
+        for name in ["a", "g.b", "g.h.c", "gg.d"] {
+            ParameterBuilder::new(Arc::clone(&store), name, 1_i64)
+                .declare()
+                .unwrap();
+        }
+        let list = |prefixes: &[&str], depth| {
+            let prefixes = prefixes
+                .iter()
+                .map(|prefix| (*prefix).to_string())
+                .collect();
+            store
+                .list_parameters(&wire::ListParametersRequest { prefixes, depth })
+                .result
+                .names
+        };
+        assert_eq!(list(&[], 0), ["a", "g.b", "g.h.c", "gg.d"]);
+        assert_eq!(list(&[], 1), ["a"]);
+        assert_eq!(list(&["g"], 0), ["g.b", "g.h.c"]);
+        assert_eq!(list(&["g"], 1), ["g.b"]);
+        assert_eq!(list(&["a"], 1), ["a"]);
+    }
+
+    #[test]
+    fn patterns_match_as_in_ros() {
+        for (pattern, node, expected) in [
+            ("/**", "/a/b", true),
+            ("/*", "/a", true),
+            ("/*", "/a/b", false),
+            ("/*/b", "/a/b", true),
+            ("/**/b", "/b", true),
+            ("/**/b", "/x/a/b", true),
+            ("/a/**", "/b/a", false),
+            ("/a", "/a", true),
+            ("/a", "/a/b", false),
+        ] {
+            assert_eq!(matches(pattern, node), expected, "{pattern} {node}");
+        }
+    }
+}

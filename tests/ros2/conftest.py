@@ -1,0 +1,133 @@
+"""What all tests against real ROS 2 clients share: processes with their own domain, and an rclpy node that spins."""
+
+import os
+import pathlib
+import signal
+import subprocess
+import threading
+import time
+
+import pytest
+
+ROOT = pathlib.Path(__file__).resolve().parents[2]
+TARGET = pathlib.Path(os.environ.get("CARGO_TARGET_DIR", ROOT / "target")) / "release"
+DOMAIN = int(os.environ.get("TANDEM_TEST_DOMAIN", "20"))
+
+os.environ["ROS_DOMAIN_ID"] = str(DOMAIN)
+os.environ["ROS_AUTOMATIC_DISCOVERY_RANGE"] = "LOCALHOST"
+
+
+def wait_until(condition, seconds, what):
+    """Waits for a condition, at most so long; returns its value."""
+    deadline = time.monotonic() + seconds
+    while True:
+        value = condition()
+        if value:
+            return value
+        assert time.monotonic() < deadline, f"after {seconds} s still not: {what}"
+        time.sleep(0.02)
+
+
+class Process:
+    """A node's process with its log."""
+
+    def __init__(self, program, arguments, log):
+        self.log = pathlib.Path(log)
+        self.log.parent.mkdir(parents=True, exist_ok=True)
+        with open(self.log, "wb") as output:
+            self.process = subprocess.Popen([str(program), *arguments], stdout=output, stderr=subprocess.STDOUT, cwd=ROOT)
+
+    def text(self):
+        return self.log.read_text(errors="replace")
+
+    def alive(self):
+        return self.process.poll() is None
+
+    def stop(self, with_signal=signal.SIGINT, seconds=10):
+        """Ends the process and returns its exit code; kills it when it does not end."""
+        if self.alive():
+            self.process.send_signal(with_signal)
+        try:
+            return self.process.wait(seconds)
+        except subprocess.TimeoutExpired:
+            self.process.kill()
+            self.process.wait()
+            raise AssertionError(f"{self.process.args[0]} did not end within {seconds} s; its log:\n{self.text()}") from None
+
+
+@pytest.fixture(scope="session")
+def processes(tmp_path_factory):
+    """Starts processes; all are ended at the end of the session."""
+    started = []
+    folder = tmp_path_factory.mktemp("logs")
+
+    def start(program, *arguments, name=None):
+        path = TARGET / program
+        assert path.exists(), f"{path} is missing: build it first (launch-scripts/test does)"
+        process = Process(path, arguments, folder / f"{len(started)}-{name or path.name}.log")
+        started.append(process)
+        return process
+
+    yield start
+    for process in reversed(started):
+        if process.alive():
+            process.process.terminate()
+    for process in started:
+        try:
+            process.process.wait(5)
+        except subprocess.TimeoutExpired:
+            process.process.kill()
+
+
+class Client:
+    """An rclpy node on a thread of its own."""
+
+    def __init__(self, name, **arguments):
+        import rclpy
+        from rclpy.executors import MultiThreadedExecutor
+
+        self.node = rclpy.create_node(name, **arguments)
+        self.executor = MultiThreadedExecutor(4)
+        self.executor.add_node(self.node)
+        self.thread = threading.Thread(target=self._spin, daemon=True)
+        self.thread.start()
+
+    def _spin(self):
+        import rclpy.executors
+
+        try:
+            self.executor.spin()
+        except rclpy.executors.ExternalShutdownException:
+            pass
+
+    def service(self, type_, name, seconds=20):
+        """A client of a service that is there."""
+        client = self.node.create_client(type_, name)
+        assert client.wait_for_service(seconds), f"service {name} did not appear within {seconds} s"
+        time.sleep(0.1)
+        return client
+
+    def call(self, client, request, seconds=20):
+        future = client.call_async(request)
+        wait_until(future.done, seconds, f"response of {client.srv_name}")
+        return future.result()
+
+    def close(self):
+        self.executor.shutdown(1)
+        self.node.destroy_node()
+
+
+@pytest.fixture(scope="session")
+def ros():
+    import rclpy
+
+    rclpy.init()
+    yield rclpy
+    rclpy.try_shutdown()
+
+
+@pytest.fixture(scope="module")
+def client(ros):
+    client = Client("tester")
+    yield client
+    client.close()
