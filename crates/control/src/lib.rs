@@ -1,1 +1,31 @@
-//! The tracking law, step switching, limits and the safety state machine as one pure step.
+//! The controller of a walking quadruped, as one pure function of what it is told: [`Controller::step`].
+//!
+//! The law is the paper's (Ma & Ames 2020, section IV): τ = kp (B̃(t) − q) + kd (dB̃/dt − q̇), t counted from the last switch,
+//! the gait mirrored at each switch, switches at t = T, no other term. B̃ is the gait's compensated reference: the planned
+//! joints B, shifted so that the law gives the planned torque on the planned motion. The command that goes out says the
+//! same with the planned joints as its position, q_des = B, and the shift as a torque, τ_ff = kp (B̃ − B) + kd (dB̃/dt − Ḃ):
+//! B̃ jumps where a leg takes the weight over, B does not, and so limits on position and velocity mean what they say.
+//!
+//! Around the law: standing up, starting, stopping, sitting down ([`transition()`] is the table of what may follow what),
+//! limits that are applied last, and faults that latch.
+//!
+//! This crate reads no clock, file or environment, knows no ROS, and allocates nothing in a step.
+
+mod command;
+mod config;
+mod controller;
+mod fault;
+mod limits;
+mod prepared_gait;
+mod ramp;
+mod transition;
+
+pub use command::JointCommand;
+pub use config::{Config, ConfigError, DriveMode, Posture};
+pub use controller::{
+    Controller, DampingReason, Input, JointState, MAX_REQUESTS, Output, Request, Tilt,
+};
+pub use fault::{Fault, FaultReport, FaultSet, Severity};
+pub use gait::JOINTS;
+pub use prepared_gait::{Instant, PreparedGait};
+pub use transition::{Event, Guards, Mode, Refusal, transition};

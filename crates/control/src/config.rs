@@ -1,0 +1,183 @@
+//! What the controller has to know of the robot, and its thresholds: plain data, checked once.
+
+use crate::JOINTS;
+
+/// A posture to hold on four feet.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Posture {
+    /// Joint positions, rad.
+    pub position_rad: [f64; JOINTS],
+    /// Torques that carry the robot in this posture, N m: sent as feed-forward so that the posture does not sag.
+    pub support_torque_nm: [f64; JOINTS],
+}
+
+/// Where the law is closed.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum DriveMode {
+    /// At the drive: the whole tuple goes out.
+    #[default]
+    Impedance,
+    /// In the controller: kp = kd = 0 goes out and the torque carries the law. Damping still goes out as kd, because the
+    /// drive must damp without us.
+    Torque,
+}
+
+/// The controller's configuration. [`Config::validate`] is called by [`crate::Controller::new`].
+#[derive(Clone, Debug, PartialEq)]
+pub struct Config {
+    /// The robot's name; a gait for another robot is refused.
+    pub robot: String,
+    /// The joints' names.
+    pub joint_names: [String; JOINTS],
+    /// Where the law is closed.
+    pub drive_mode: DriveMode,
+    /// Allows [`crate::Request::StartOnGait`]. Never for a real robot.
+    pub simulation_start: bool,
+
+    /// Smallest joint positions, rad.
+    pub position_min_rad: [f64; JOINTS],
+    /// Largest joint positions, rad.
+    pub position_max_rad: [f64; JOINTS],
+    /// Width of the zone inside each position limit in which torque towards the limit fades out, rad.
+    pub soft_stop_rad: f64,
+    /// Largest joint velocities, rad/s.
+    pub velocity_limit_rad_s: [f64; JOINTS],
+    /// Largest torques, N m: the drives' own limit, not the plan's.
+    pub torque_limit_nm: [f64; JOINTS],
+    /// Fastest growth of a torque's magnitude, N m / s. A torque may shrink at once. A planned switch of stance legs
+    /// raises a knee's torque by about 50 N m from one millisecond to the next.
+    pub torque_rate_nm_s: f64,
+
+    /// The standing posture.
+    pub stand: Posture,
+    /// The sitting posture, from which standing up starts.
+    pub sit: Posture,
+    /// Position gains while standing up, standing, and sitting down, N m / rad.
+    pub posture_kp: [f64; JOINTS],
+    /// Velocity gains likewise, N m s / rad.
+    pub posture_kd: [f64; JOINTS],
+    /// Velocity gains while damping, N m s / rad.
+    pub damping_kd: [f64; JOINTS],
+    /// Largest damping torque, N m.
+    pub damping_torque_nm: f64,
+
+    /// Gains go from 0 to full in this time when a posture is first held, s.
+    pub gain_ramp_s: f64,
+    /// Mean speed of the fastest joint while moving from posture to posture, rad/s.
+    pub posture_speed_rad_s: f64,
+    /// Shortest time for moving from posture to posture, s.
+    pub posture_min_s: f64,
+    /// From standing to the gait's first posture, s.
+    pub start_blend_s: f64,
+    /// From the switch at which walking ends to rest, s.
+    pub stop_blend_s: f64,
+    /// A new gait is taken at a switch if every joint's planned position there differs by less, rad.
+    pub gait_change_position_rad: f64,
+    /// And every joint's planned velocity by less, rad/s.
+    pub gait_change_velocity_rad_s: f64,
+
+    /// Joint states older than this mean damping, s.
+    pub state_timeout_s: f64,
+    /// Two cycles further apart than this are a fault, s.
+    pub overrun_s: f64,
+    /// Allowed distance of a joint from its command, rad …
+    pub tracking_error_rad: f64,
+    /// … for at most this long, s.
+    pub tracking_error_s: f64,
+    /// A joint may exceed its velocity limit for at most this long, s.
+    pub overspeed_s: f64,
+    /// A measured position further outside its limits than this is a fault, rad.
+    pub position_fault_rad: f64,
+    /// Largest roll or pitch of the base, rad, where an inertial unit reports it.
+    pub tilt_limit_rad: f64,
+    /// A drive this hot means a controlled stop, °C.
+    pub hot_c: f64,
+    /// A drive this hot means damping, °C.
+    pub over_temperature_c: f64,
+    /// Joints slower than this count as at rest, rad/s.
+    pub rest_velocity_rad_s: f64,
+}
+
+/// A value of the configuration that cannot be.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+#[error("controller configuration: {key} {problem}")]
+pub struct ConfigError {
+    /// Which value.
+    pub key: String,
+    /// What it is and what was expected.
+    pub problem: String,
+}
+
+impl Config {
+    /// Checks every value.
+    pub fn validate(&self) -> Result<(), ConfigError> {
+        let refuse = |key: &str, problem: String| {
+            Err(ConfigError {
+                key: key.into(),
+                problem,
+            })
+        };
+        for (key, value, low, high) in [
+            ("soft_stop_rad", self.soft_stop_rad, 1e-6, 0.5),
+            ("torque_rate_nm_s", self.torque_rate_nm_s, 1.0, 1e9),
+            ("damping_torque_nm", self.damping_torque_nm, 0.1, 1e4),
+            ("gain_ramp_s", self.gain_ramp_s, 0.01, 10.0),
+            ("posture_speed_rad_s", self.posture_speed_rad_s, 0.01, 10.0),
+            ("posture_min_s", self.posture_min_s, 0.1, 60.0),
+            ("start_blend_s", self.start_blend_s, 0.05, 60.0),
+            ("stop_blend_s", self.stop_blend_s, 0.05, 60.0),
+            ("gait_change_position_rad", self.gait_change_position_rad, 0.0, 0.2),
+            ("gait_change_velocity_rad_s", self.gait_change_velocity_rad_s, 0.0, 5.0),
+            ("state_timeout_s", self.state_timeout_s, 0.001, 1.0),
+            ("overrun_s", self.overrun_s, 0.001, 1.0),
+            ("tracking_error_rad", self.tracking_error_rad, 0.01, 2.0),
+            ("tracking_error_s", self.tracking_error_s, 0.001, 1.0),
+            ("overspeed_s", self.overspeed_s, 0.001, 1.0),
+            ("position_fault_rad", self.position_fault_rad, 0.01, 1.0),
+            ("tilt_limit_rad", self.tilt_limit_rad, 0.05, 1.5),
+            ("hot_c", self.hot_c, 20.0, 200.0),
+            ("over_temperature_c", self.over_temperature_c, self.hot_c, 200.0),
+            ("rest_velocity_rad_s", self.rest_velocity_rad_s, 0.01, 10.0),
+        ] {
+            // Written so that NaN is refused too.
+            if !(low..=high).contains(&value) {
+                return refuse(key, format!("is {value}, expected {low} to {high}"));
+            }
+        }
+        for j in 0..JOINTS {
+            let name = &self.joint_names[j];
+            let (low, high) = (self.position_min_rad[j], self.position_max_rad[j]);
+            if !(low.is_finite() && high.is_finite() && high - low > 2.0 * self.soft_stop_rad) {
+                return refuse(
+                    "position limits",
+                    format!("of {name} are {low} to {high} rad, expected a range wider than both soft stops"),
+                );
+            }
+            for (key, value, limit) in [
+                ("velocity_limit_rad_s", self.velocity_limit_rad_s[j], 1e3),
+                ("torque_limit_nm", self.torque_limit_nm[j], 1e4),
+                ("posture_kp", self.posture_kp[j], 1e5),
+                ("posture_kd", self.posture_kd[j], 1e4),
+                ("damping_kd", self.damping_kd[j], 1e4),
+            ] {
+                if !(value > 0.0 && value <= limit) {
+                    return refuse(key, format!("of {name} is {value}, expected more than 0, at most {limit}"));
+                }
+            }
+            for (key, posture) in [("stand", &self.stand), ("sit", &self.sit)] {
+                let q = posture.position_rad[j];
+                if !(low..=high).contains(&q) {
+                    return refuse(key, format!("puts {name} at {q} rad, its limits are {low} to {high}"));
+                }
+                let torque = posture.support_torque_nm[j];
+                if torque.is_nan() || torque.abs() > self.torque_limit_nm[j] {
+                    return refuse(
+                        key,
+                        format!("needs {torque} N m at {name}, its limit is {}", self.torque_limit_nm[j]),
+                    );
+                }
+            }
+        }
+        Ok(())
+    }
+}

@@ -1,0 +1,128 @@
+//! Limits, applied last: whatever the law asked for, what leaves here keeps every limit.
+
+use crate::{Config, JOINTS, JointCommand};
+
+/// Applies the limits and remembers what the rate limits need.
+#[derive(Clone, Debug, PartialEq)]
+pub(crate) struct Limiter {
+    position_min_rad: [f64; JOINTS],
+    position_max_rad: [f64; JOINTS],
+    soft_stop_rad: f64,
+    velocity_rad_s: [f64; JOINTS],
+    torque_nm: [f64; JOINTS],
+    torque_rate_nm_s: f64,
+    damping_kd: [f64; JOINTS],
+    damping_torque_nm: f64,
+    /// q_des of the last command; none after [`Self::reset`].
+    last_position_rad: [Option<f64>; JOINTS],
+    last_torque_nm: [f64; JOINTS],
+}
+
+impl Limiter {
+    pub fn new(c: &Config) -> Self {
+        Self {
+            position_min_rad: c.position_min_rad,
+            position_max_rad: c.position_max_rad,
+            soft_stop_rad: c.soft_stop_rad,
+            velocity_rad_s: c.velocity_limit_rad_s,
+            torque_nm: c.torque_limit_nm,
+            torque_rate_nm_s: c.torque_rate_nm_s,
+            damping_kd: c.damping_kd,
+            damping_torque_nm: c.damping_torque_nm,
+            last_position_rad: [None; JOINTS],
+            last_torque_nm: [0.0; JOINTS],
+        }
+    }
+
+    /// Forgets the last command: the next one starts anew (from damping or from nothing).
+    pub fn reset(&mut self) {
+        self.last_position_rad = [None; JOINTS];
+        self.last_torque_nm = [0.0; JOINTS];
+    }
+
+    /// Damping at measured velocities `v`: kd, lowered where it would give more than the damping torque.
+    pub fn damping(&self, v: &[f64; JOINTS]) -> JointCommand {
+        JointCommand::damping(std::array::from_fn(|j| self.damping_kd(j, v[j])))
+    }
+
+    fn damping_kd(&self, j: usize, v: f64) -> f64 {
+        let cap = self.damping_torque_nm.min(self.torque_nm[j]);
+        if v.is_finite() && self.damping_kd[j] * v.abs() > cap {
+            cap / v.abs()
+        } else {
+            self.damping_kd[j]
+        }
+    }
+
+    /// The command that may be sent, and the torques that it gives at the measured `q` and `v`.
+    ///
+    /// In order: q_des within the position limits and within velocity × `dt_s` of the last one; q̇_des within the velocity
+    /// limits; torque towards a position limit fading out in its soft stop; torque limit; growth of torque. A torque is only
+    /// ever made smaller by this, and never smaller than damping would make it. A command that keeps every limit leaves
+    /// unaltered, to the bit.
+    pub fn apply(
+        &mut self,
+        mut command: JointCommand,
+        q: &[f64; JOINTS],
+        v: &[f64; JOINTS],
+        dt_s: f64,
+    ) -> (JointCommand, [f64; JOINTS]) {
+        let mut torque = [0.0; JOINTS];
+        for j in 0..JOINTS {
+            self.limit_reference(&mut command, j, dt_s);
+            let asked = command.joint_torque(j, q[j], v[j]);
+            let allowed = self.limit_torque(j, asked, q[j], v[j], dt_s);
+            if allowed != asked {
+                let feed_forward = command.torque_nm[j] + (allowed - asked);
+                if feed_forward.abs() <= self.torque_nm[j] {
+                    command.torque_nm[j] = feed_forward;
+                } else {
+                    // The law is so far off that its share alone breaks the limit: a plain torque is sent instead.
+                    command.kp[j] = 0.0;
+                    command.kd[j] = 0.0;
+                    command.torque_nm[j] = allowed;
+                }
+            }
+            torque[j] = allowed;
+            self.last_position_rad[j] = Some(command.position_rad[j]);
+            self.last_torque_nm[j] = allowed;
+        }
+        (command, torque)
+    }
+
+    fn limit_reference(&self, command: &mut JointCommand, j: usize, dt_s: f64) {
+        let limit = self.velocity_rad_s[j];
+        let mut position =
+            command.position_rad[j].clamp(self.position_min_rad[j], self.position_max_rad[j]);
+        if let Some(last) = self.last_position_rad[j] {
+            let step = limit * dt_s;
+            position = position.clamp(last - step, last + step);
+        }
+        command.position_rad[j] = position;
+        command.velocity_rad_s[j] = command.velocity_rad_s[j].clamp(-limit, limit);
+    }
+
+    fn limit_torque(&self, j: usize, asked: f64, q: f64, v: f64, dt_s: f64) -> f64 {
+        let mut torque = asked;
+        // 1 inside, 0 at the limit and beyond.
+        let room = |distance: f64| (distance / self.soft_stop_rad).clamp(0.0, 1.0);
+        if torque > 0.0 {
+            torque *= room(self.position_max_rad[j] - q);
+        } else {
+            torque *= room(q - self.position_min_rad[j]);
+        }
+        let limit = self.torque_nm[j];
+        torque = torque.clamp(-limit, limit);
+        // Growth is limited from the last torque, or from zero where the sign changes; shrinking is free.
+        let last = self.last_torque_nm[j];
+        let growth = self.torque_rate_nm_s * dt_s;
+        let bound = growth + if torque * last > 0.0 { last.abs() } else { 0.0 };
+        torque = torque.clamp(-bound, bound);
+        // If the limits took away more than damping would give, damping it is.
+        let damping = -self.damping_kd(j, v) * v;
+        if (asked - damping) * (damping - torque) > 0.0 && damping * asked > 0.0 {
+            torque = damping;
+        }
+        torque
+    }
+}

@@ -1,0 +1,205 @@
+//! A gait made ready for the control cycle: checked against this robot, and free of anything on the heap.
+
+use crate::{Config, JOINTS};
+use gait::{Coefficients, Gait, GaitError, Mirror, StepSide, bezier};
+
+/// Phases at which a gait is checked before it is accepted.
+const CHECKED_PHASES: usize = 101;
+
+/// A gait that this robot may walk. `Copy`, so that it can go through a wait-free buffer into the control cycle and be
+/// replaced there without freeing memory.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct PreparedGait {
+    name: Name,
+    step_duration_s: f64,
+    planned_rad: [Coefficients; JOINTS],
+    /// Reference minus plan.
+    compensation_rad: [Coefficients; JOINTS],
+    mirror: Mirror,
+    kp: [f64; JOINTS],
+    kd: [f64; JOINTS],
+}
+
+/// One instant of a gait.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Instant {
+    /// Planned positions B, rad.
+    pub position_rad: [f64; JOINTS],
+    /// Planned velocities Ḃ, rad/s.
+    pub velocity_rad_s: [f64; JOINTS],
+    /// kp (B̃ − B) + kd (dB̃/dt − Ḃ), N m: what the compensated reference B̃ adds to the law on the planned joints.
+    pub torque_nm: [f64; JOINTS],
+}
+
+impl PreparedGait {
+    /// Checks `gait` against the robot of `config`: its name, joints, position, velocity and torque limits, and gains.
+    pub fn new(gait: &Gait, config: &Config) -> Result<Self, GaitError> {
+        gait.validate()?;
+        gait.check_robot(&config.robot, &config.joint_names)?;
+        let refuse = |field: String, problem: String| {
+            Err(GaitError::Value {
+                gait: gait.name.clone(),
+                field,
+                problem,
+            })
+        };
+        if gait.solver.status != "converged" {
+            return refuse(
+                "solver.status".into(),
+                format!("is \"{}\", expected \"converged\": plan it again", gait.solver.status),
+            );
+        }
+        for j in 0..JOINTS {
+            // A drive's law with gains far from those the robot was set up with is not stable.
+            for (key, value, usual) in [
+                ("gains.kp", gait.kp[j], config.posture_kp[j]),
+                ("gains.kd", gait.kd[j], config.posture_kd[j]),
+            ] {
+                if !(0.1 * usual..=4.0 * usual).contains(&value) {
+                    return refuse(
+                        format!("{key}[{j}]"),
+                        format!("is {value}, this robot allows {} to {}", 0.1 * usual, 4.0 * usual),
+                    );
+                }
+            }
+        }
+        let prepared = Self {
+            name: Name::new(&gait.name),
+            step_duration_s: gait.step_duration_s,
+            planned_rad: gait.coefficients_rad,
+            compensation_rad: std::array::from_fn(|j| {
+                std::array::from_fn(|i| {
+                    gait.reference_coefficients_rad[j][i] - gait.coefficients_rad[j][i]
+                })
+            }),
+            mirror: gait.mirror,
+            kp: gait.kp,
+            kd: gait.kd,
+        };
+        for n in 0..CHECKED_PHASES {
+            let s = n as f64 / (CHECKED_PHASES - 1) as f64;
+            for side in [StepSide::First, StepSide::Mirrored] {
+                let at = prepared.at(side, s);
+                for j in 0..JOINTS {
+                    for (what, unit, value, low, high) in [
+                        (
+                            "position",
+                            "rad",
+                            at.position_rad[j],
+                            config.position_min_rad[j],
+                            config.position_max_rad[j],
+                        ),
+                        (
+                            "velocity",
+                            "rad/s",
+                            at.velocity_rad_s[j],
+                            -config.velocity_limit_rad_s[j],
+                            config.velocity_limit_rad_s[j],
+                        ),
+                        (
+                            "torque",
+                            "N m",
+                            at.torque_nm[j],
+                            -config.torque_limit_nm[j],
+                            config.torque_limit_nm[j],
+                        ),
+                    ] {
+                        if !(low..=high).contains(&value) {
+                            return refuse(
+                                format!("planned {what} of {}", gait.joint_names[j]),
+                                format!("is {value:.4} {unit} at phase {s}, this robot allows {low} to {high}"),
+                            );
+                        }
+                    }
+                }
+            }
+        }
+        Ok(prepared)
+    }
+
+    /// The gait at phase `s` ∈ [0, 1] of a step.
+    pub fn at(&self, side: StepSide, s: f64) -> Instant {
+        let (value, slope) = (bezier::basis(s), bezier::basis_first_derivative(s));
+        let rate = 1.0 / self.step_duration_s;
+        let planned: [(f64, f64); JOINTS] = std::array::from_fn(|j| {
+            let c = &self.planned_rad[j];
+            (bezier::combine(c, &value), bezier::combine(c, &slope) * rate)
+        });
+        let torque: [f64; JOINTS] = std::array::from_fn(|j| {
+            let c = &self.compensation_rad[j];
+            self.kp[j] * bezier::combine(c, &value)
+                + self.kd[j] * bezier::combine(c, &slope) * rate
+        });
+        let (position_rad, velocity_rad_s) = (planned.map(|p| p.0), planned.map(|p| p.1));
+        match side {
+            StepSide::First => Instant {
+                position_rad,
+                velocity_rad_s,
+                torque_nm: torque,
+            },
+            StepSide::Mirrored => Instant {
+                position_rad: self.mirror.apply(&position_rad),
+                velocity_rad_s: self.mirror.apply(&velocity_rad_s),
+                torque_nm: self.mirror.apply(&torque),
+            },
+        }
+    }
+
+    /// The gait's name; longer names are cut.
+    pub fn name(&self) -> &str {
+        self.name.as_str()
+    }
+
+    /// T, s.
+    pub fn step_duration_s(&self) -> f64 {
+        self.step_duration_s
+    }
+
+    /// Position gains in the step of `side`, N m / rad.
+    pub fn kp(&self, side: StepSide) -> [f64; JOINTS] {
+        self.gains(&self.kp, side)
+    }
+
+    /// Velocity gains in the step of `side`, N m s / rad.
+    pub fn kd(&self, side: StepSide) -> [f64; JOINTS] {
+        self.gains(&self.kd, side)
+    }
+
+    /// The mirrored step's torques are the first step's on the other side, and so are the gains that give them.
+    fn gains(&self, gains: &[f64; JOINTS], side: StepSide) -> [f64; JOINTS] {
+        match side {
+            StepSide::First => *gains,
+            StepSide::Mirrored => std::array::from_fn(|j| gains[self.mirror.source(j).0]),
+        }
+    }
+}
+
+/// A name without the heap.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+struct Name {
+    bytes: [u8; 48],
+    length: u8,
+}
+
+impl Name {
+    fn new(name: &str) -> Self {
+        let mut bytes = [0; 48];
+        let mut length = 0;
+        for c in name.chars() {
+            if length + c.len_utf8() > bytes.len() {
+                break;
+            }
+            c.encode_utf8(&mut bytes[length..]);
+            length += c.len_utf8();
+        }
+        Self {
+            bytes,
+            length: length as u8,
+        }
+    }
+
+    fn as_str(&self) -> &str {
+        // Only whole characters were written.
+        std::str::from_utf8(&self.bytes[..self.length as usize]).unwrap_or("")
+    }
+}
