@@ -49,15 +49,9 @@ impl JointCommand {
 
     /// Whether every number is finite.
     pub fn is_finite(&self) -> bool {
-        [
-            &self.position_rad,
-            &self.velocity_rad_s,
-            &self.kp,
-            &self.kd,
-            &self.torque_nm,
-        ]
-        .into_iter()
-        .flatten()
-        .all(|v| v.is_finite())
+        [&self.position_rad, &self.velocity_rad_s, &self.kp, &self.kd, &self.torque_nm]
+            .into_iter()
+            .flatten()
+            .all(|v| v.is_finite())
     }
 }

@@ -1,6 +1,9 @@
 //! What the controller has to know of the robot, and its thresholds: plain data, checked once.
 
 use crate::JOINTS;
+use nalgebra::{Matrix3, Matrix3x4, Vector3};
+use rigid_body::{Data, center_of_mass, frame_position, rnea};
+use robot::Robot;
 
 /// A posture to hold on four feet.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -76,6 +79,8 @@ pub struct Config {
     /// And every joint's planned velocity by less, rad/s.
     pub gait_change_velocity_rad_s: f64,
 
+    /// Period of the control cycle, s.
+    pub control_period_s: f64,
     /// Joint states older than this mean damping, s.
     pub state_timeout_s: f64,
     /// Two cycles further apart than this are a fault, s.
@@ -109,14 +114,52 @@ pub struct ConfigError {
 }
 
 impl Config {
+    /// The configuration for a robot: its limits, postures and gains, and thresholds that leave a nominal walk alone.
+    pub fn for_robot(robot: &Robot) -> Self {
+        let each_leg = |values: [f64; 3]| std::array::from_fn(|j| values[j % 3]);
+        let posture =
+            |position_rad| Posture { position_rad, support_torque_nm: support_torque_nm(robot, &position_rad) };
+        Self {
+            robot: robot.name.clone(),
+            joint_names: robot.joint_names(),
+            drive_mode: DriveMode::Impedance,
+            simulation_start: false,
+            position_min_rad: robot.position_min_rad(),
+            position_max_rad: robot.position_max_rad(),
+            soft_stop_rad: 0.04,
+            velocity_limit_rad_s: each_leg(robot.limits.velocity_rad_s),
+            torque_limit_nm: each_leg(robot.limits.drive_torque_nm),
+            torque_rate_nm_s: 1e5,
+            stand: posture(robot.stand_rad()),
+            sit: posture(robot.sit_rad()),
+            posture_kp: each_leg(robot.gains.kp_nm_per_rad),
+            posture_kd: each_leg(robot.gains.kd_nm_s_per_rad),
+            damping_kd: [8.0; JOINTS],
+            damping_torque_nm: 40.0,
+            gain_ramp_s: 0.25,
+            posture_speed_rad_s: 0.8,
+            posture_min_s: 0.5,
+            start_blend_s: 0.6,
+            stop_blend_s: 0.4,
+            gait_change_position_rad: 0.08,
+            gait_change_velocity_rad_s: 1.5,
+            control_period_s: 0.001,
+            state_timeout_s: 0.02,
+            overrun_s: 0.05,
+            tracking_error_rad: 0.35,
+            tracking_error_s: 0.04,
+            overspeed_s: 0.03,
+            position_fault_rad: 0.3,
+            tilt_limit_rad: 0.8,
+            hot_c: 80.0,
+            over_temperature_c: 95.0,
+            rest_velocity_rad_s: 1.0,
+        }
+    }
+
     /// Checks every value.
     pub fn validate(&self) -> Result<(), ConfigError> {
-        let refuse = |key: &str, problem: String| {
-            Err(ConfigError {
-                key: key.into(),
-                problem,
-            })
-        };
+        let refuse = |key: &str, problem: String| Err(ConfigError { key: key.into(), problem });
         for (key, value, low, high) in [
             ("soft_stop_rad", self.soft_stop_rad, 1e-6, 0.5),
             ("torque_rate_nm_s", self.torque_rate_nm_s, 1.0, 1e9),
@@ -129,7 +172,8 @@ impl Config {
             ("gait_change_position_rad", self.gait_change_position_rad, 0.0, 0.2),
             ("gait_change_velocity_rad_s", self.gait_change_velocity_rad_s, 0.0, 5.0),
             ("state_timeout_s", self.state_timeout_s, 0.001, 1.0),
-            ("overrun_s", self.overrun_s, 0.001, 1.0),
+            ("control_period_s", self.control_period_s, 1e-4, 0.1),
+            ("overrun_s", self.overrun_s, self.control_period_s, 1.0),
             ("tracking_error_rad", self.tracking_error_rad, 0.01, 2.0),
             ("tracking_error_s", self.tracking_error_s, 0.001, 1.0),
             ("overspeed_s", self.overspeed_s, 0.001, 1.0),
@@ -179,5 +223,59 @@ impl Config {
             }
         }
         Ok(())
+    }
+}
+
+/// Joint torques that hold the robot still in a posture, level, on four feet that carry it by vertical forces: of all
+/// forces in balance the smallest, which is a quarter of the weight each where the posture is symmetric.
+fn support_torque_nm(robot: &Robot, position_rad: &[f64; JOINTS]) -> [f64; JOINTS] {
+    let model = &robot.model;
+    let mut data = Data::new(model);
+    let mut q = vec![0.0; model.dof()];
+    q[6..].copy_from_slice(position_rad);
+    let zero = vec![0.0; model.dof()];
+    let mass_kg = model.total_mass();
+    let center = center_of_mass(model, &mut data, &q, &zero).position;
+    let toes = robot.legs.each_ref().map(|leg| frame_position(model, &data, leg.toe));
+    // Rows: forces add up to the weight, and their centre is below the centre of mass.
+    let balance = Matrix3x4::from_fn(|row, leg| [1.0, toes[leg].x, toes[leg].y][row]);
+    let weight_n = mass_kg * model.gravity.norm();
+    let load = weight_n * Vector3::new(1.0, center.x, center.y);
+    let gram: Matrix3<f64> = balance * balance.transpose();
+    // Toes on one line carry nothing in balance: no feed-forward then, and the posture sags by what the gains allow.
+    let Some(multiplier) = gram.lu().solve(&load) else {
+        return [0.0; JOINTS];
+    };
+    let force_n = balance.transpose() * multiplier;
+    let forces: [_; 4] = std::array::from_fn(|leg| (robot.legs[leg].toe, Vector3::new(0.0, 0.0, force_n[leg])));
+    let torque = rnea(model, &mut data, &q, &zero, &zero, &forces);
+    std::array::from_fn(|j| torque[6 + j])
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn standing_torques_hold_the_vision60() {
+        let robot = Robot::from_toml_str(
+            include_str!("../../../config/robots/vision60/robot.toml"),
+            include_str!("../../../config/robots/vision60/vision60.urdf"),
+        )
+        .unwrap();
+        let config = Config::for_robot(&robot);
+        config.validate().unwrap();
+        let torque = config.stand.support_torque_nm;
+        for j in 0..6 {
+            let mirrored = if j % 3 == 0 { -torque[j + 6] } else { torque[j + 6] };
+            assert!((torque[j] - mirrored).abs() < 1e-9, "{torque:?}");
+        }
+        // By hand: a quarter of 38 kg on each toe, 0.157 m outside the roll axis, less thigh and shank, which hang outside
+        // it themselves; and half the thigh's horizontal reach behind the knee.
+        let leg_n = 38.0 * 9.81 / 4.0;
+        let roll_nm = leg_n * 0.157 - 9.81 * (2.525 + 0.375) * 0.1;
+        assert!((torque[0].abs() - roll_nm).abs() < 1.0, "{torque:?}");
+        assert!((torque[2].abs() - leg_n * 0.34 * 0.97488_f64.cos()).abs() < 1.0, "{torque:?}");
+        assert!(torque[1].abs() < 6.0, "{torque:?}");
     }
 }

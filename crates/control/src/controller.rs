@@ -3,8 +3,8 @@
 use crate::limits::Limiter;
 use crate::ramp::Ramp;
 use crate::{
-    Config, ConfigError, DriveMode, Event, Fault, FaultReport, FaultSet, Guards, JOINTS,
-    JointCommand, Mode, PreparedGait, Refusal, transition,
+    Config, ConfigError, DriveMode, Event, Fault, FaultReport, FaultSet, Guards, JOINTS, JointCommand, Mode,
+    PreparedGait, Refusal, transition,
 };
 use gait::StepSide;
 use std::time::Duration;
@@ -125,7 +125,7 @@ pub struct Output {
     pub step_index: u64,
     /// t / T, 0 where it does not walk.
     pub step_phase: f64,
-    /// Measured minus commanded positions, rad.
+    /// Commanded minus measured positions, rad; 0 where none is commanded.
     pub tracking_error_rad: [f64; JOINTS],
     /// Torques that the command gives at the measured state, N m.
     pub torque_nm: [f64; JOINTS],
@@ -136,16 +136,14 @@ pub struct Output {
 }
 
 /// What is being held or moved to.
+// The cycle must not allocate, so the large variant is not boxed.
+#[allow(clippy::large_enum_variant)]
 #[derive(Clone, Copy, Debug, PartialEq)]
 enum Motion {
     /// Nothing: off or damping.
     None,
     /// A ramp, then its end is held. `then` follows it.
-    Ramp {
-        ramp: Ramp,
-        start: Duration,
-        then: Then,
-    },
+    Ramp { ramp: Ramp, start: Duration, then: Then },
     /// The gait.
     Gait(GaitClock),
 }
@@ -279,6 +277,9 @@ impl Controller {
         self.watch_tilt(input.tilt, now);
         if input.emergency_stop {
             self.event(Event::EmergencyStop, input.emergency_stop, now);
+            if self.mode == Mode::Damping {
+                self.damping_reason = Some(DampingReason::EmergencyStop);
+            }
         }
         if self.mode.is_moving() && !self.is_fresh(now) {
             self.event(Event::Stale, input.emergency_stop, now);
@@ -322,12 +323,7 @@ impl Controller {
         let dt_s = dt.as_secs_f64();
         if self.mode.is_moving() && dt_s > self.config.overrun_s {
             self.latch(
-                FaultReport {
-                    fault: Fault::Overrun,
-                    joint: None,
-                    value: dt_s,
-                    limit: self.config.overrun_s,
-                },
+                FaultReport { fault: Fault::Overrun, joint: None, value: dt_s, limit: self.config.overrun_s },
                 now,
             );
         }
@@ -346,12 +342,7 @@ impl Controller {
         let mut believed = true;
         let mut problem = |fault, joint, value, limit| {
             believed = false;
-            FaultReport {
-                fault,
-                joint,
-                value,
-                limit,
-            }
+            FaultReport { fault, joint, value, limit }
         };
         let mut found = None;
         for j in 0..JOINTS {
@@ -359,12 +350,7 @@ impl Controller {
             let temperature = new.temperature_c.map_or(0.0, |t| t[j]);
             if !(q.is_finite() && v.is_finite() && temperature.is_finite()) {
                 let bad = [q, v, temperature].into_iter().find(|x| !x.is_finite());
-                found = Some(problem(
-                    Fault::InvalidInput,
-                    Some(j),
-                    bad.unwrap_or(f64::NAN),
-                    f64::MAX,
-                ));
+                found = Some(problem(Fault::InvalidInput, Some(j), bad.unwrap_or(f64::NAN), f64::MAX));
                 break;
             }
             if !armed {
@@ -442,22 +428,15 @@ impl Controller {
                 }
             }
             let limit = self.config.velocity_limit_rad_s[j];
-            self.overspeed_s[j] = if moving && v.abs() > limit {
-                self.overspeed_s[j] + dt_s
-            } else {
-                0.0
-            };
+            self.overspeed_s[j] = if moving && v.abs() > limit { self.overspeed_s[j] + dt_s } else { 0.0 };
             if self.overspeed_s[j] > self.config.overspeed_s {
                 self.latch_joint(Fault::Overspeed, j, v, limit, now);
             }
             let error = (q - self.command.position_rad[j]).abs();
             // While the gains are low the joint is not expected to follow.
             let held = moving && self.held(j);
-            self.tracking_error_s[j] = if held && error > self.config.tracking_error_rad {
-                self.tracking_error_s[j] + dt_s
-            } else {
-                0.0
-            };
+            self.tracking_error_s[j] =
+                if held && error > self.config.tracking_error_rad { self.tracking_error_s[j] + dt_s } else { 0.0 };
             if self.tracking_error_s[j] > self.config.tracking_error_s {
                 let limit = self.config.tracking_error_rad;
                 self.latch_joint(Fault::TrackingError, j, error, limit, now);
@@ -471,9 +450,7 @@ impl Controller {
             Motion::None => false,
             Motion::Gait(_) => true,
             Motion::Ramp { ramp, start, .. } => {
-                let elapsed = self
-                    .last_now
-                    .map_or(0.0, |now| now.saturating_sub(*start).as_secs_f64());
+                let elapsed = self.last_now.map_or(0.0, |now| now.saturating_sub(*start).as_secs_f64());
                 ramp.at(elapsed).kp[joint] >= 0.5 * self.config.posture_kp[joint]
             }
         }
@@ -493,40 +470,20 @@ impl Controller {
             } else {
                 continue;
             };
-            self.latch(
-                FaultReport {
-                    fault,
-                    joint: None,
-                    value,
-                    limit,
-                },
-                now,
-            );
+            self.latch(FaultReport { fault, joint: None, value, limit }, now);
         }
     }
 
     fn is_fresh(&self, now: Duration) -> bool {
         let timeout = Duration::from_secs_f64(self.config.state_timeout_s);
-        self.joints.is_some_and(|s| {
-            s.arrived
-                .iter()
-                .all(|arrived| now.saturating_sub(*arrived) <= timeout)
-        })
+        self.joints.is_some_and(|s| s.arrived.iter().all(|arrived| now.saturating_sub(*arrived) <= timeout))
     }
 
     // ── what happens ────────────────────────────────────────────────────────────────────────────────────────────────
 
     fn latch_joint(&mut self, fault: Fault, joint: usize, value: f64, limit: f64, now: Duration) {
         let joint = Some(joint);
-        self.latch(
-            FaultReport {
-                fault,
-                joint,
-                value,
-                limit,
-            },
-            now,
-        );
+        self.latch(FaultReport { fault, joint, value, limit }, now);
     }
 
     fn latch(&mut self, report: FaultReport, now: Duration) {
@@ -583,8 +540,8 @@ impl Controller {
             fresh: self.is_fresh(now),
             posture_safe: self.joints.is_some_and(|s| {
                 (0..JOINTS).all(|j| {
-                    let outside = (c.position_min_rad[j] - s.position_rad[j])
-                        .max(s.position_rad[j] - c.position_max_rad[j]);
+                    let outside =
+                        (c.position_min_rad[j] - s.position_rad[j]).max(s.position_rad[j] - c.position_max_rad[j]);
                     outside <= c.position_fault_rad
                         && s.velocity_rad_s[j].abs() <= c.rest_velocity_rad_s
                         && s.drive_error[j] == 0
@@ -646,9 +603,9 @@ impl Controller {
                 Event::PostureReached => {
                     // The gait's first instant is the ramp's end, not the cycle that noticed it.
                     let late = match self.motion {
-                        Motion::Ramp { ramp, start, .. } => now
-                            .saturating_sub(start)
-                            .saturating_sub(Duration::from_secs_f64(ramp.duration_s)),
+                        Motion::Ramp { ramp, start, .. } => {
+                            now.saturating_sub(start).saturating_sub(Duration::from_secs_f64(ramp.duration_s))
+                        }
                         _ => Duration::ZERO,
                     };
                     self.walk_from(now, late);
@@ -690,21 +647,8 @@ impl Controller {
     }
 
     fn ramp(&mut self, from: JointCommand, to: JointCommand, duration_s: f64, then: Then, now: Duration) {
-        let gain_s = if from.kp.iter().any(|kp| *kp == 0.0) {
-            self.config.gain_ramp_s.min(duration_s)
-        } else {
-            duration_s
-        };
-        self.motion = Motion::Ramp {
-            ramp: Ramp {
-                from,
-                to,
-                duration_s,
-                gain_s,
-            },
-            start: now,
-            then,
-        };
+        let gain_s = if from.kp.contains(&0.0) { self.config.gain_ramp_s.min(duration_s) } else { duration_s };
+        self.motion = Motion::Ramp { ramp: Ramp { from, to, duration_s, gain_s }, start: now, then };
     }
 
     /// From what is commanded now: in torque mode the command carries no gains, so the motion is asked, not the command.
@@ -724,19 +668,10 @@ impl Controller {
             return;
         }
         let Some(state) = self.joints else { return };
-        let from = JointCommand {
-            position_rad: state.position_rad,
-            kd: self.config.damping_kd,
-            ..JointCommand::LIMP
-        };
+        let from = JointCommand { position_rad: state.position_rad, kd: self.config.damping_kd, ..JointCommand::LIMP };
         let stand = self.posture(&self.config.stand);
-        let near = (0..JOINTS)
-            .all(|j| (state.position_rad[j] - stand.position_rad[j]).abs() < NEAR_STAND_RAD);
-        let (to, then) = if near {
-            (stand, Then::Done)
-        } else {
-            (self.folded(), Then::Rise)
-        };
+        let near = (0..JOINTS).all(|j| (state.position_rad[j] - stand.position_rad[j]).abs() < NEAR_STAND_RAD);
+        let (to, then) = if near { (stand, Then::Done) } else { (self.folded(), Then::Rise) };
         let duration = self.posture_duration_s(&from.position_rad, &to.position_rad);
         self.ramp(from, to, duration, then, now);
     }
@@ -825,8 +760,7 @@ impl Controller {
                     match then {
                         Then::Rise => {
                             let to = self.posture(&self.config.stand);
-                            let duration =
-                                self.posture_duration_s(&ramp.to.position_rad, &to.position_rad);
+                            let duration = self.posture_duration_s(&ramp.to.position_rad, &to.position_rad);
                             self.ramp(ramp.to, to, duration, Then::Done, now);
                         }
                         Then::LetGo => {
@@ -932,9 +866,7 @@ impl Controller {
     fn setpoint(&self, now: Duration) -> JointCommand {
         match &self.motion {
             Motion::None => JointCommand::LIMP,
-            Motion::Ramp { ramp, start, .. } => {
-                ramp.at(now.saturating_sub(*start).as_secs_f64())
-            }
+            Motion::Ramp { ramp, start, .. } => ramp.at(now.saturating_sub(*start).as_secs_f64()),
             Motion::Gait(clock) => {
                 let Some(gait) = &self.gait else {
                     return JointCommand::LIMP;
@@ -954,14 +886,8 @@ impl Controller {
                     let duration_s = CHANGE_SHARE * period_s;
                     if t_s < duration_s {
                         let x = t_s / duration_s;
-                        let (h00, h10) = (
-                            (1.0 + 2.0 * x) * (1.0 - x) * (1.0 - x),
-                            x * (1.0 - x) * (1.0 - x),
-                        );
-                        let (d00, d10) = (
-                            6.0 * x * (x - 1.0) / duration_s,
-                            (1.0 - x) * (1.0 - 3.0 * x),
-                        );
+                        let (h00, h10) = ((1.0 + 2.0 * x) * (1.0 - x) * (1.0 - x), x * (1.0 - x) * (1.0 - x));
+                        let (d00, d10) = (6.0 * x * (x - 1.0) / duration_s, (1.0 - x) * (1.0 - 3.0 * x));
                         for j in 0..JOINTS {
                             let (dq, dv) = (offset.position_rad[j], offset.velocity_rad_s[j]);
                             setpoint.position_rad[j] += h00 * dq + h10 * duration_s * dv;
@@ -974,32 +900,17 @@ impl Controller {
         }
     }
 
-    fn produce(
-        &mut self,
-        now: Duration,
-        dt_s: f64,
-        replies: [Option<Result<Mode, Refusal>>; MAX_REQUESTS],
-    ) -> Output {
+    fn produce(&mut self, now: Duration, dt_s: f64, replies: [Option<Result<Mode, Refusal>>; MAX_REQUESTS]) -> Output {
         if self.mode.is_moving() && !self.setpoint(now).is_finite() {
-            self.latch(
-                FaultReport {
-                    fault: Fault::InternalError,
-                    joint: None,
-                    value: f64::NAN,
-                    limit: f64::MAX,
-                },
-                now,
-            );
+            self.latch(FaultReport { fault: Fault::InternalError, joint: None, value: f64::NAN, limit: f64::MAX }, now);
         }
-        let (q, v) = self
-            .joints
-            .map_or(([0.0; JOINTS], [0.0; JOINTS]), |s| {
-                (s.position_rad, s.velocity_rad_s)
-            });
+        let (q, v) = self.joints.map_or(([0.0; JOINTS], [0.0; JOINTS]), |s| (s.position_rad, s.velocity_rad_s));
         let mut torque_nm = [0.0; JOINTS];
         self.command = match (self.mode, self.joints.is_some()) {
             (Mode::Disarmed, _) => JointCommand::LIMP,
             (mode, true) if mode.is_moving() => {
+                // The first cycle has no last one; the limits on change then count one period.
+                let dt_s = dt_s.clamp(self.config.control_period_s, self.config.overrun_s);
                 let (mut command, torque) = self.limiter.apply(self.setpoint(now), &q, &v, dt_s);
                 torque_nm = torque;
                 if self.config.drive_mode == DriveMode::Torque {
@@ -1028,7 +939,7 @@ impl Controller {
             step_index: self.step_index,
             step_phase: self.step_phase,
             tracking_error_rad: if held {
-                std::array::from_fn(|j| q[j] - self.command.position_rad[j])
+                std::array::from_fn(|j| self.command.position_rad[j] - q[j])
             } else {
                 [0.0; JOINTS]
             },

@@ -156,34 +156,19 @@ pub struct FaultReport {
 impl FaultReport {
     /// The message to the operator: name, joint, what was seen, what was allowed, and what to do.
     pub fn message(&self, joint_names: &[String; crate::JOINTS]) -> String {
-        let place = self
-            .joint
-            .map(|j| format!(" at {}", joint_names[j]))
-            .unwrap_or_default();
+        let place = self.joint.map(|j| format!(" at {}", joint_names[j])).unwrap_or_default();
         let (unit, action) = match self.fault {
             Fault::InvalidInput => ("", "check the drive's encoder and the bus's wiring"),
             Fault::PositionOutOfRange => ("rad", "check the joint's zero point and encoder"),
             Fault::VelocityOutOfRange => ("rad/s", "check the joint's encoder"),
-            Fault::EncoderJump => (
-                "rad in one reading",
-                "check the joint's encoder and its cable",
-            ),
+            Fault::EncoderJump => ("rad in one reading", "check the joint's encoder and its cable"),
             Fault::Overspeed => ("rad/s", "look for what drove the joint; was the robot falling?"),
-            Fault::TrackingError => (
-                "rad off its command",
-                "look for a blocked joint or a drive without power",
-            ),
+            Fault::TrackingError => ("rad off its command", "look for a blocked joint or a drive without power"),
             Fault::Tilt => ("rad", "put the robot level"),
             Fault::OverTemperature | Fault::DriveHot => ("°C", "let the drive cool down"),
-            Fault::DriveError => (
-                "as error code",
-                "look the code up in the drive's manual",
-            ),
+            Fault::DriveError => ("as error code", "look the code up in the drive's manual"),
             Fault::BusDown => ("", "run `tandem doctor`"),
-            Fault::Overrun => (
-                "s between two cycles",
-                "give the controller real-time rights (docs/hardware.md)",
-            ),
+            Fault::Overrun => ("s between two cycles", "give the controller real-time rights (docs/hardware.md)"),
             Fault::ClockJump => ("s", "restart the controller after the clock or the simulation"),
             Fault::InternalError => ("", "please report this with the run's bag"),
         };

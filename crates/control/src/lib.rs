@@ -22,9 +22,7 @@ mod transition;
 
 pub use command::JointCommand;
 pub use config::{Config, ConfigError, DriveMode, Posture};
-pub use controller::{
-    Controller, DampingReason, Input, JointState, MAX_REQUESTS, Output, Request, Tilt,
-};
+pub use controller::{Controller, DampingReason, Input, JointState, MAX_REQUESTS, Output, Request, Tilt};
 pub use fault::{Fault, FaultReport, FaultSet, Severity};
 pub use gait::JOINTS;
 pub use prepared_gait::{Instant, PreparedGait};

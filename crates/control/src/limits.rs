@@ -47,11 +47,7 @@ impl Limiter {
 
     fn damping_kd(&self, j: usize, v: f64) -> f64 {
         let cap = self.damping_torque_nm.min(self.torque_nm[j]);
-        if v.is_finite() && self.damping_kd[j] * v.abs() > cap {
-            cap / v.abs()
-        } else {
-            self.damping_kd[j]
-        }
+        if v.is_finite() && self.damping_kd[j] * v.abs() > cap { cap / v.abs() } else { self.damping_kd[j] }
     }
 
     /// The command that may be sent, and the torques that it gives at the measured `q` and `v`.
@@ -92,8 +88,7 @@ impl Limiter {
 
     fn limit_reference(&self, command: &mut JointCommand, j: usize, dt_s: f64) {
         let limit = self.velocity_rad_s[j];
-        let mut position =
-            command.position_rad[j].clamp(self.position_min_rad[j], self.position_max_rad[j]);
+        let mut position = command.position_rad[j].clamp(self.position_min_rad[j], self.position_max_rad[j]);
         if let Some(last) = self.last_position_rad[j] {
             let step = limit * dt_s;
             position = position.clamp(last - step, last + step);

@@ -36,13 +36,7 @@ impl PreparedGait {
     pub fn new(gait: &Gait, config: &Config) -> Result<Self, GaitError> {
         gait.validate()?;
         gait.check_robot(&config.robot, &config.joint_names)?;
-        let refuse = |field: String, problem: String| {
-            Err(GaitError::Value {
-                gait: gait.name.clone(),
-                field,
-                problem,
-            })
-        };
+        let refuse = |field: String, problem: String| Err(GaitError::Value { gait: gait.name.clone(), field, problem });
         if gait.solver.status != "converged" {
             return refuse(
                 "solver.status".into(),
@@ -51,10 +45,9 @@ impl PreparedGait {
         }
         for j in 0..JOINTS {
             // A drive's law with gains far from those the robot was set up with is not stable.
-            for (key, value, usual) in [
-                ("gains.kp", gait.kp[j], config.posture_kp[j]),
-                ("gains.kd", gait.kd[j], config.posture_kd[j]),
-            ] {
+            for (key, value, usual) in
+                [("gains.kp", gait.kp[j], config.posture_kp[j]), ("gains.kd", gait.kd[j], config.posture_kd[j])]
+            {
                 if !(0.1 * usual..=4.0 * usual).contains(&value) {
                     return refuse(
                         format!("{key}[{j}]"),
@@ -68,9 +61,7 @@ impl PreparedGait {
             step_duration_s: gait.step_duration_s,
             planned_rad: gait.coefficients_rad,
             compensation_rad: std::array::from_fn(|j| {
-                std::array::from_fn(|i| {
-                    gait.reference_coefficients_rad[j][i] - gait.coefficients_rad[j][i]
-                })
+                std::array::from_fn(|i| gait.reference_coefficients_rad[j][i] - gait.coefficients_rad[j][i])
             }),
             mirror: gait.mirror,
             kp: gait.kp,
@@ -82,13 +73,7 @@ impl PreparedGait {
                 let at = prepared.at(side, s);
                 for j in 0..JOINTS {
                     for (what, unit, value, low, high) in [
-                        (
-                            "position",
-                            "rad",
-                            at.position_rad[j],
-                            config.position_min_rad[j],
-                            config.position_max_rad[j],
-                        ),
+                        ("position", "rad", at.position_rad[j], config.position_min_rad[j], config.position_max_rad[j]),
                         (
                             "velocity",
                             "rad/s",
@@ -96,13 +81,7 @@ impl PreparedGait {
                             -config.velocity_limit_rad_s[j],
                             config.velocity_limit_rad_s[j],
                         ),
-                        (
-                            "torque",
-                            "N m",
-                            at.torque_nm[j],
-                            -config.torque_limit_nm[j],
-                            config.torque_limit_nm[j],
-                        ),
+                        ("torque", "N m", at.torque_nm[j], -config.torque_limit_nm[j], config.torque_limit_nm[j]),
                     ] {
                         if !(low..=high).contains(&value) {
                             return refuse(
@@ -127,16 +106,11 @@ impl PreparedGait {
         });
         let torque: [f64; JOINTS] = std::array::from_fn(|j| {
             let c = &self.compensation_rad[j];
-            self.kp[j] * bezier::combine(c, &value)
-                + self.kd[j] * bezier::combine(c, &slope) * rate
+            self.kp[j] * bezier::combine(c, &value) + self.kd[j] * bezier::combine(c, &slope) * rate
         });
         let (position_rad, velocity_rad_s) = (planned.map(|p| p.0), planned.map(|p| p.1));
         match side {
-            StepSide::First => Instant {
-                position_rad,
-                velocity_rad_s,
-                torque_nm: torque,
-            },
+            StepSide::First => Instant { position_rad, velocity_rad_s, torque_nm: torque },
             StepSide::Mirrored => Instant {
                 position_rad: self.mirror.apply(&position_rad),
                 velocity_rad_s: self.mirror.apply(&velocity_rad_s),
@@ -192,10 +166,7 @@ impl Name {
             c.encode_utf8(&mut bytes[length..]);
             length += c.len_utf8();
         }
-        Self {
-            bytes,
-            length: length as u8,
-        }
+        Self { bytes, length: length as u8 }
     }
 
     fn as_str(&self) -> &str {

@@ -28,11 +28,7 @@ impl Ramp {
         };
         // Hermite's polynomials and their derivatives.
         let (h10, h11) = (x * (1.0 - x) * (1.0 - x), x * x * (x - 1.0));
-        let (d00, d10, d11) = (
-            6.0 * x * (x - 1.0),
-            (1.0 - x) * (1.0 - 3.0 * x),
-            x * (3.0 * x - 2.0),
-        );
+        let (d00, d10, d11) = (6.0 * x * (x - 1.0), (1.0 - x) * (1.0 - 3.0 * x), x * (3.0 * x - 2.0));
         let t = self.duration_s;
         JointCommand {
             position_rad: std::array::from_fn(|j| {
@@ -69,12 +65,7 @@ mod tests {
             kd: [5.0; JOINTS],
             torque_nm: [20.0; JOINTS],
         };
-        Ramp {
-            from,
-            to,
-            duration_s: 0.8,
-            gain_s: 0.2,
-        }
+        Ramp { from, to, duration_s: 0.8, gain_s: 0.2 }
     }
 
     #[test]

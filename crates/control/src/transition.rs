@@ -174,7 +174,9 @@ pub enum Refusal {
     #[error("refused: that fault is not latched")]
     FaultNotLatched,
     /// Starting on the gait is for simulators.
-    #[error("refused: only a simulated robot can be put on a gait; the configuration does not say that this one is (simulation_start)")]
+    #[error(
+        "refused: only a simulated robot can be put on a gait; the configuration does not say that this one is (simulation_start)"
+    )]
     NotSimulated,
     /// More requests than one cycle takes.
     #[error("refused: too many requests in one control cycle. Ask again")]
@@ -188,13 +190,7 @@ pub enum Refusal {
 pub fn transition(mode: Mode, event: Event, guards: &Guards) -> Result<Mode, Refusal> {
     use Event as E;
     use Mode as M;
-    let refuse = |advice| {
-        Err(Refusal::Mode {
-            mode,
-            event,
-            advice,
-        })
-    };
+    let refuse = |advice| Err(Refusal::Mode { mode, event, advice });
     // Before any torque, in this order: the button in the operator's hand, what is known to be broken, what is unknown.
     let ready = || {
         if guards.emergency_stop {
@@ -233,9 +229,7 @@ pub fn transition(mode: Mode, event: Event, guards: &Guards) -> Result<Mode, Ref
 
         (M::Disarmed | M::Damping | M::Fault, E::Disarm) => Ok(M::Disarmed),
         (M::SittingDown, E::Disarm) => refuse("it disarms by itself once it sits"),
-        (_, E::Disarm) => {
-            refuse("the robot would drop. Stop, then sit; in an emergency use the emergency stop")
-        }
+        (_, E::Disarm) => refuse("the robot would drop. Stop, then sit; in an emergency use the emergency stop"),
 
         (M::Disarmed, E::Stand) => refuse("arm it first"),
         (M::Fault, E::Stand) => refuse("clear the fault by its name first"),

@@ -17,16 +17,18 @@ fn has_the_published_numbers() {
     assert_eq!(robot.model.dof(), 18);
     assert_eq!(robot.joint_names()[4], "rear_left_hip_pitch");
     assert_eq!(robot.model.joint_names()[6..], robot.joint_names());
-    assert_eq!(robot.stand_rad()[9..], [0.0, 0.940, 1.881]);
+    assert_eq!(robot.stand_rad()[9..], [-0.107, 0.97488, 1.95115]);
 }
 
 #[test]
-fn stands_at_its_nominal_height() {
+fn stands_at_its_nominal_height_and_width() {
     let robot = vision60();
     for leg in 0..4 {
         let side = if leg < 2 { 1.0 } else { -1.0 };
         let toe = robot.toe_from_hip(leg, &robot.legs[leg].stand_rad);
-        assert!((toe - Vector3::new(0.0, side * 0.0975, -0.55)).norm() < 1e-3, "{toe}");
+        // The hip roll axes are 0.092865 m from the middle plane.
+        let target = Vector3::new(0.0, side * (robot.nominal.half_width_m - 0.092865), -robot.nominal.height_m);
+        assert!((toe - target).norm() < 1e-4, "{toe}");
     }
 }
 

@@ -1,0 +1,237 @@
+//! What the controller's tests share: a configuration with the Vision 60's numbers, a gait, and a robot that obeys.
+#![allow(dead_code)]
+
+use control::{Config, Controller, DriveMode, Input, JOINTS, JointState, Mode, Output, Posture, PreparedGait, Request};
+use gait::{Gait, InitialState, Mirror, SolverSummary, StepSide};
+use std::time::Duration;
+
+pub const PERIOD: Duration = Duration::from_millis(1);
+
+pub fn each_leg(joint: [f64; 3]) -> [f64; JOINTS] {
+    std::array::from_fn(|j| joint[j % 3])
+}
+
+/// Left legs as given, right legs mirrored.
+pub fn both_sides(left: [f64; 3]) -> [f64; JOINTS] {
+    std::array::from_fn(|j| if j >= 6 && j % 3 == 0 { -left[0] } else { left[j % 3] })
+}
+
+pub fn joint_names() -> [String; JOINTS] {
+    let legs = ["front_left", "rear_left", "front_right", "rear_right"];
+    let joints = ["hip_roll", "hip_pitch", "knee"];
+    std::array::from_fn(|j| format!("{}_{}", legs[j / 3], joints[j % 3]))
+}
+
+pub fn config() -> Config {
+    Config {
+        robot: "vision60".into(),
+        joint_names: joint_names(),
+        drive_mode: DriveMode::Impedance,
+        simulation_start: false,
+        position_min_rad: each_leg([-0.43, -0.3, 0.25]),
+        position_max_rad: each_leg([0.43, 2.2, 2.9]),
+        soft_stop_rad: 0.04,
+        velocity_limit_rad_s: each_leg([8.6, 30.0, 30.0]),
+        torque_limit_nm: [87.5; JOINTS],
+        torque_rate_nm_s: 1e5,
+        stand: Posture {
+            position_rad: both_sides([0.107, 0.9755, 1.951]),
+            support_torque_nm: both_sides([13.0, 0.0, 18.0]),
+        },
+        sit: Posture { position_rad: both_sides([0.0, 0.16, 0.30]), support_torque_nm: both_sides([9.0, 0.0, 28.0]) },
+        posture_kp: each_leg([230.0, 230.0, 300.0]),
+        posture_kd: [5.0; JOINTS],
+        damping_kd: [8.0; JOINTS],
+        damping_torque_nm: 40.0,
+        gain_ramp_s: 0.25,
+        posture_speed_rad_s: 0.8,
+        posture_min_s: 0.5,
+        start_blend_s: 0.6,
+        stop_blend_s: 0.4,
+        gait_change_position_rad: 0.08,
+        gait_change_velocity_rad_s: 1.5,
+        control_period_s: 0.001,
+        state_timeout_s: 0.02,
+        overrun_s: 0.05,
+        tracking_error_rad: 0.35,
+        tracking_error_s: 0.04,
+        overspeed_s: 0.03,
+        position_fault_rad: 0.3,
+        tilt_limit_rad: 0.8,
+        hot_c: 80.0,
+        over_temperature_c: 95.0,
+        rest_velocity_rad_s: 1.0,
+    }
+}
+
+/// A stepping gait about `posture` (left legs), like the planner's: legs 1 and 2 stand and carry, legs 0 and 3 lift.
+pub fn gait_at(name: &str, posture: [f64; 3], step_duration_s: f64) -> Gait {
+    let at = both_sides(posture);
+    let lift = both_sides([0.25, 0.0, -0.45]);
+    let load = both_sides([-0.09, -0.04, 0.13]);
+    let shape = [0.0, 0.0, 1.0, 1.0, 0.0, 0.0];
+    let swings = |j: usize| matches!(j / 3, 0 | 3);
+    let rows =
+        std::array::from_fn(|j| std::array::from_fn(|i| at[j] + if swings(j) { lift[j] * shape[i] } else { 0.0 }));
+    let reference = std::array::from_fn(|j| {
+        let row: [f64; 6] = rows[j];
+        row.map(|c| if swings(j) { c + 0.01 } else { c + load[j] })
+    });
+    let gait = Gait {
+        robot: "vision60".into(),
+        name: name.into(),
+        joint_names: joint_names(),
+        step_duration_s,
+        step_length_m: 0.0,
+        coefficients_rad: rows,
+        mirror: Mirror { leg: [2, 3, 0, 1], sign: [-1.0, 1.0, 1.0] },
+        initial: InitialState {
+            base_position_m: [0.0, 0.0, 0.58],
+            base_quaternion_xyzw: [0.0, 0.0, 0.0, 1.0],
+            base_linear_velocity_world: [0.0; 3],
+            base_angular_velocity_body: [0.0; 3],
+            joint_position_rad: at,
+            joint_velocity_rad_s: [0.0; JOINTS],
+        },
+        reference_coefficients_rad: reference,
+        kp: each_leg([230.0, 230.0, 300.0]),
+        kd: [5.0; JOINTS],
+        torque_limit_nm: [50.0; JOINTS],
+        request: serde_json::json!({}),
+        solver: SolverSummary {
+            status: "converged".into(),
+            iterations: 12,
+            solve_time_s: 0.1,
+            max_violation: 1e-9,
+            objective: 0.04,
+        },
+    };
+    gait.validate().unwrap();
+    gait
+}
+
+pub fn gait() -> Gait {
+    gait_at("stepping", [0.0977, 0.985, 1.997], 0.404)
+}
+
+pub fn prepared() -> PreparedGait {
+    PreparedGait::new(&gait(), &config()).unwrap()
+}
+
+/// A controller and a robot whose joints go exactly where they are told (where they are told anything).
+pub struct Bench {
+    pub controller: Controller,
+    pub now: Duration,
+    pub position_rad: [f64; JOINTS],
+    pub velocity_rad_s: [f64; JOINTS],
+    /// Added to what is measured.
+    pub disturbance_rad: [f64; JOINTS],
+    /// False: the joints do not move.
+    pub obeys: bool,
+    /// False: no new state is measured.
+    pub measures: bool,
+    pub emergency_stop: bool,
+    pub last: Option<Output>,
+}
+
+impl Bench {
+    pub fn new(config: Config) -> Self {
+        Self {
+            position_rad: config.sit.position_rad,
+            controller: Controller::new(config).unwrap(),
+            now: Duration::from_secs(10),
+            velocity_rad_s: [0.0; JOINTS],
+            disturbance_rad: [0.0; JOINTS],
+            obeys: true,
+            measures: true,
+            emergency_stop: false,
+            last: None,
+        }
+    }
+
+    pub fn state(&self) -> JointState {
+        JointState {
+            stamp: self.now,
+            arrived: [self.now; JOINTS],
+            position_rad: std::array::from_fn(|j| self.position_rad[j] + self.disturbance_rad[j]),
+            velocity_rad_s: self.velocity_rad_s,
+            temperature_c: None,
+            drive_error: [0; JOINTS],
+        }
+    }
+
+    /// One cycle with these requests.
+    pub fn cycle(&mut self, requests: &[Request], gait: Option<&PreparedGait>) -> Output {
+        self.now += PERIOD;
+        let state = self.state();
+        let output = self.controller.step(
+            &Input {
+                joints: self.measures.then_some(&state),
+                requests,
+                gait,
+                emergency_stop: self.emergency_stop,
+                ..Input::default()
+            },
+            self.now,
+        );
+        if self.obeys {
+            for j in 0..JOINTS {
+                if output.mode.is_moving() {
+                    self.position_rad[j] = output.command.position_rad[j];
+                    self.velocity_rad_s[j] = output.command.velocity_rad_s[j];
+                } else {
+                    self.velocity_rad_s[j] = 0.0;
+                }
+            }
+        }
+        self.last = Some(output);
+        output
+    }
+
+    pub fn ask(&mut self, request: Request) -> Result<Mode, control::Refusal> {
+        self.cycle(&[request], None).replies[0].unwrap()
+    }
+
+    pub fn load(&mut self, gait: &PreparedGait) {
+        self.cycle(&[], Some(gait));
+    }
+
+    /// Cycles until `mode`, at most `seconds`; the cycles that it took.
+    pub fn until(&mut self, mode: Mode, seconds: f64) -> usize {
+        let cycles = (seconds * 1000.0) as usize;
+        for n in 0..cycles {
+            if self.cycle(&[], None).mode == mode {
+                return n + 1;
+            }
+        }
+        panic!(
+            "{mode:?} not reached in {seconds} s, is {:?}, faults {:?}",
+            self.controller.mode(),
+            self.last.map(|o| o.report)
+        );
+    }
+
+    pub fn run(&mut self, cycles: usize) -> Output {
+        for _ in 0..cycles {
+            self.cycle(&[], None);
+        }
+        self.last.unwrap()
+    }
+
+    /// Armed, stood up, walking.
+    pub fn walking(config: Config) -> Self {
+        let mut bench = Self::new(config);
+        bench.load(&prepared());
+        bench.ask(Request::Arm).unwrap();
+        bench.ask(Request::Stand).unwrap();
+        bench.ask(Request::Walk).unwrap();
+        bench.until(Mode::Walking, 6.0);
+        bench
+    }
+}
+
+/// The compensated law itself, as the paper writes it: kp (B̃ − q) + kd (dB̃/dt − q̇).
+pub fn law(gait: &Gait, side: StepSide, s: f64, q: &[f64; JOINTS], v: &[f64; JOINTS]) -> [f64; JOINTS] {
+    let (position, velocity) = gait.reference(side, s);
+    std::array::from_fn(|j| gait.kp[j] * (position[j] - q[j]) + gait.kd[j] * (velocity[j] - v[j]))
+}

@@ -1,0 +1,330 @@
+//! The robot's day: from lying to walking and back, and what must hold on the way.
+
+mod common;
+use common::*;
+use control::*;
+use gait::StepSide;
+use std::time::Duration;
+
+#[test]
+fn from_sitting_to_walking_and_back_to_disarmed() {
+    let mut b = Bench::new(config());
+    assert_eq!(b.cycle(&[], None).command, JointCommand::LIMP);
+    b.load(&prepared());
+    assert!(matches!(b.ask(Request::Walk), Err(Refusal::Mode { .. })));
+    assert_eq!(b.ask(Request::Arm), Ok(Mode::Damping));
+    let damped = b.run(1);
+    assert!(damped.drives_on && damped.command.kp == [0.0; JOINTS] && damped.command.kd[0] > 0.0);
+    assert_eq!(b.ask(Request::Stand), Ok(Mode::StandingUp));
+    b.until(Mode::Standing, 6.0);
+    assert_eq!(b.run(10).command.position_rad, config().stand.position_rad);
+    assert_eq!(b.ask(Request::Walk), Ok(Mode::Starting));
+    let cycles = b.until(Mode::Walking, 2.0);
+    assert!((599..=601).contains(&cycles), "start took {cycles} cycles");
+    let walked = b.run(5000);
+    assert_eq!(walked.mode, Mode::Walking);
+    assert_eq!(walked.step_index, (5.0_f64 / 0.404) as u64);
+    assert_eq!(b.ask(Request::Stop), Ok(Mode::Stopping));
+    let cycles = b.until(Mode::Standing, 1.0);
+    assert!(cycles <= 404, "a stop waits for one switch at most, took {cycles} cycles");
+    b.run(500);
+    assert_eq!(b.ask(Request::Sit), Ok(Mode::SittingDown));
+    b.until(Mode::Disarmed, 6.0);
+    let off = b.run(1);
+    assert!(!off.drives_on);
+    assert_eq!(off.command, JointCommand::LIMP);
+}
+
+#[test]
+fn walk_asked_while_standing_up_is_a_goal() {
+    let mut b = Bench::new(config());
+    b.load(&prepared());
+    b.ask(Request::Arm).unwrap();
+    b.ask(Request::Stand).unwrap();
+    assert_eq!(b.ask(Request::Walk), Ok(Mode::StandingUp));
+    b.until(Mode::Walking, 6.0);
+
+    let mut b = Bench::new(config());
+    b.load(&prepared());
+    b.ask(Request::Arm).unwrap();
+    b.ask(Request::Stand).unwrap();
+    b.ask(Request::Walk).unwrap();
+    b.ask(Request::Stop).unwrap();
+    assert_eq!(b.run(8000).mode, Mode::Standing, "stop takes the goal back");
+}
+
+#[test]
+fn all_requests_in_one_cycle_are_taken_in_order() {
+    let mut b = Bench::new(config());
+    let output = b.cycle(&[Request::Arm, Request::Stand, Request::Walk], Some(&prepared()));
+    assert_eq!(output.replies[0], Some(Ok(Mode::Damping)));
+    assert_eq!(output.replies[1], Some(Ok(Mode::StandingUp)));
+    assert_eq!(output.replies[2], Some(Ok(Mode::StandingUp)));
+    assert_eq!(output.replies[3], None);
+    b.until(Mode::Walking, 6.0);
+    let many = [Request::Stop; MAX_REQUESTS + 1];
+    let output = b.cycle(&many, None);
+    assert_eq!(output.replies[MAX_REQUESTS - 1], Some(Err(Refusal::TooMany)));
+}
+
+#[test]
+fn commanded_positions_never_step_and_torques_never_leave_their_limit_on_any_day() {
+    let c = config();
+    let mut b = Bench::new(c.clone());
+    b.load(&prepared());
+    let mut last: Option<Output> = None;
+    let plan: [(usize, Option<Request>); 9] = [
+        (5, Some(Request::Arm)),
+        (50, Some(Request::Stand)),
+        (4000, Some(Request::Walk)),
+        (2500, Some(Request::Stop)),
+        (150, Some(Request::Walk)),
+        (2000, Some(Request::Stand)),
+        (1500, Some(Request::Sit)),
+        (300, Some(Request::Stand)),
+        (5000, Some(Request::Sit)),
+    ];
+    for (cycles, request) in plan {
+        for n in 0..cycles {
+            let requests: &[Request] = match (&request, n + 1 == cycles) {
+                (Some(r), true) => &[*r],
+                _ => &[],
+            };
+            let output = b.cycle(requests, None);
+            if let Some(Err(e)) = output.replies[0] {
+                panic!("{request:?}: {e}");
+            }
+            for j in 0..JOINTS {
+                assert!(output.torque_nm[j].abs() <= c.torque_limit_nm[j] + 1e-9);
+                if let Some(last) = last
+                    && last.mode.is_moving()
+                    && output.mode.is_moving()
+                {
+                    let step = (output.command.position_rad[j] - last.command.position_rad[j]).abs();
+                    assert!(step <= c.velocity_limit_rad_s[j] * 0.001 + 1e-12, "{:?} joint {j}: {step}", output.mode);
+                    // Every ramp meets its neighbours: nothing here moves faster than the gait itself.
+                    assert!(step < 0.006, "{:?} joint {j}: {step}", output.mode);
+                }
+            }
+            last = Some(output);
+        }
+    }
+    b.until(Mode::Disarmed, 6.0);
+}
+
+#[test]
+fn standing_up_starts_with_no_torque_wherever_the_legs_are() {
+    let c = config();
+    for offset in [-0.2, 0.1, 0.7] {
+        let mut b = Bench::new(c.clone());
+        b.position_rad = std::array::from_fn(|j| {
+            (c.sit.position_rad[j] + if j % 3 == 0 { 0.3 * offset } else { offset })
+                .clamp(c.position_min_rad[j], c.position_max_rad[j])
+        });
+        b.ask(Request::Arm).unwrap();
+        let output = b.cycle(&[Request::Stand], None);
+        assert_eq!(output.mode, Mode::StandingUp);
+        assert_eq!(output.torque_nm, [0.0; JOINTS]);
+        assert_eq!(output.command.position_rad, b.position_rad);
+        b.until(Mode::Standing, 8.0);
+    }
+}
+
+/// The command says the paper's law on the compensated reference, split into plan and torque: same torque at any state.
+#[test]
+fn a_nominal_walk_leaves_unaltered_and_gives_the_paper_s_torque() {
+    let mut c = config();
+    c.simulation_start = true;
+    let (gait, prepared) = (gait(), prepared());
+    let mut b = Bench::new(c);
+    let (position, velocity) = gait.planned(StepSide::First, 0.0);
+    (b.position_rad, b.velocity_rad_s) = (position, velocity);
+    let first = b.cycle(&[Request::StartOnGait], Some(&prepared));
+    assert_eq!(first.replies[0], Some(Ok(Mode::Walking)));
+    let start = b.now;
+    for n in 0..20_000_u64 {
+        let output = if n == 0 { first } else { b.cycle(&[], None) };
+        let elapsed = (b.now - start).as_secs_f64();
+        let steps = (elapsed / 0.404 + 1e-9).floor();
+        let s = ((elapsed - steps * 0.404).max(0.0)) / 0.404;
+        let side = StepSide::of_step(steps as u64);
+        assert_eq!(output.step_index, steps as u64);
+        assert!((output.step_phase - s).abs() < 1e-12);
+        // To the bit: no limit has touched it.
+        let at = prepared.at(side, s);
+        assert_eq!(output.command.position_rad, at.position_rad, "cycle {n}");
+        assert_eq!(output.command.velocity_rad_s, at.velocity_rad_s, "cycle {n}");
+        assert_eq!(output.command.torque_nm, at.torque_nm, "cycle {n}");
+        // At some other state, too.
+        let q: [f64; JOINTS] = std::array::from_fn(|j| at.position_rad[j] + 0.01 * (j as f64 - 5.0));
+        let v: [f64; JOINTS] = std::array::from_fn(|j| at.velocity_rad_s[j] - 0.3 * (j as f64 - 5.0));
+        let law = law(&gait, side, s, &q, &v);
+        for (sent, law) in output.command.torque(&q, &v).iter().zip(law) {
+            assert!((sent - law).abs() < 1e-9, "cycle {n}: {sent} against {law}");
+        }
+    }
+}
+
+/// T = 0.35372… s is no multiple of 1 ms. After an hour the switches still lie at k T.
+#[test]
+fn switches_do_not_drift() {
+    let duration = 0.353_721_987_3;
+    let mut c = config();
+    c.simulation_start = true;
+    let gait = gait_at("odd", [0.0977, 0.985, 1.997], duration);
+    let prepared = PreparedGait::new(&gait, &c).unwrap();
+    let mut b = Bench::new(c);
+    b.position_rad = gait.initial.joint_position_rad;
+    b.cycle(&[Request::StartOnGait], Some(&prepared));
+    let start = b.now;
+    let mut last = 0;
+    for _ in 0..3_600_000 / 8 {
+        b.now += Duration::from_millis(7);
+        let output = b.cycle(&[], None);
+        if output.step_index != last {
+            last = output.step_index;
+            let elapsed = (b.now - start).as_secs_f64();
+            let late = elapsed - last as f64 * duration;
+            assert!((-1e-9..0.008 + 1e-9).contains(&late), "step {last} began {late} s late");
+            assert!((output.step_phase - late.max(0.0) / duration).abs() < 1e-8);
+        }
+    }
+    assert!(last > 10_000);
+}
+
+#[test]
+fn torque_mode_sends_the_same_torque_without_gains() {
+    let mut c = config();
+    c.simulation_start = true;
+    let mut impedance = Bench::new(c.clone());
+    c.drive_mode = DriveMode::Torque;
+    let mut torque = Bench::new(c);
+    let gait = gait();
+    for b in [&mut impedance, &mut torque] {
+        b.position_rad = gait.initial.joint_position_rad;
+        b.disturbance_rad = std::array::from_fn(|j| 0.01 * (j as f64 - 6.0));
+        b.cycle(&[Request::StartOnGait], Some(&prepared()));
+    }
+    for _ in 0..2000 {
+        let state = impedance.state();
+        let (a, b) = (impedance.cycle(&[], None), torque.cycle(&[], None));
+        assert_eq!(b.command.kp, [0.0; JOINTS]);
+        assert_eq!(b.command.kd, [0.0; JOINTS]);
+        let law = a.command.torque(&state.position_rad, &state.velocity_rad_s);
+        for (law, sent) in law.iter().zip(b.command.torque_nm) {
+            assert!((law - sent).abs() < 1e-9);
+        }
+    }
+    // Damping is the drive's own in either mode.
+    torque.emergency_stop = true;
+    let damped = torque.cycle(&[], None);
+    assert!(damped.command.kd[0] > 0.0 && damped.command.torque_nm == [0.0; JOINTS]);
+}
+
+#[test]
+fn a_gait_that_starts_near_is_taken_at_a_switch_without_a_jump() {
+    let mut b = Bench::walking(config());
+    let other = PreparedGait::new(&gait_at("other", [0.12, 1.0, 2.03], 0.37), &config()).unwrap();
+    b.run(100);
+    b.cycle(&[], Some(&other));
+    let mut last = b.last.unwrap();
+    let mut changed = None;
+    for n in 0..1500 {
+        let output = b.cycle(&[], None);
+        assert_eq!(output.mode, Mode::Walking);
+        assert!(output.step_index >= last.step_index, "steps go on counting");
+        for j in 0..JOINTS {
+            let step = output.command.position_rad[j] - last.command.position_rad[j];
+            assert!(step.abs() < 0.006, "cycle {n} joint {j} stepped {step}");
+            let speed = output.command.velocity_rad_s[j] - last.command.velocity_rad_s[j];
+            assert!(speed.abs() < 0.3, "cycle {n} joint {j}: velocity stepped {speed}");
+        }
+        if changed.is_none() && b.controller.gait().unwrap().name() == "other" && output.step_phase < last.step_phase {
+            changed = Some(n);
+        }
+        last = output;
+    }
+    assert!(changed.unwrap() < 404);
+    let at = other.at(StepSide::of_step(last.step_index), last.step_phase);
+    for j in 0..JOINTS {
+        assert!((last.command.position_rad[j] - at.position_rad[j]).abs() < 1e-9);
+    }
+}
+
+#[test]
+fn a_gait_that_starts_far_is_taken_through_standing() {
+    let mut b = Bench::walking(config());
+    let far = PreparedGait::new(&gait_at("far", [0.15, 1.1, 2.2], 0.37), &config()).unwrap();
+    b.cycle(&[], Some(&far));
+    b.until(Mode::Standing, 1.0);
+    b.until(Mode::Starting, 1.0);
+    b.until(Mode::Walking, 1.0);
+    let output = b.run(1000);
+    assert_eq!(output.mode, Mode::Walking);
+    let at = far.at(StepSide::of_step(output.step_index), output.step_phase);
+    assert_eq!(output.command.position_rad, at.position_rad);
+}
+
+#[test]
+fn starting_on_the_gait_is_refused_unless_the_configuration_says_simulated() {
+    let mut b = Bench::new(config());
+    b.load(&prepared());
+    assert_eq!(b.ask(Request::StartOnGait), Err(Refusal::NotSimulated));
+}
+
+#[test]
+fn bad_gaits_are_refused_by_what_is_wrong() {
+    type Case = (&'static str, fn(&mut gait::Gait));
+    let cases: [Case; 6] = [
+        ("robot \"solo12\"", |g| g.robot = "solo12".into()),
+        ("gains.kp[4]", |g| g.kp[4] = 5000.0),
+        ("gains.kd[0]", |g| g.kd[0] = 0.0),
+        ("planned position of front_left_knee", |g| {
+            g.coefficients_rad[2][2] = -4.0;
+            g.reference_coefficients_rad[2][2] = -4.0;
+        }),
+        ("planned torque of rear_left_knee", |g| g.reference_coefficients_rad[5] = [2.7; 6]),
+        ("solver.status", |g| g.solver.status = "iteration limit".into()),
+    ];
+    for (expected, spoil) in cases {
+        let mut g = gait();
+        spoil(&mut g);
+        let e = PreparedGait::new(&g, &config()).unwrap_err().to_string();
+        assert!(e.contains(expected), "expected {expected:?} in {e:?}");
+    }
+}
+
+#[test]
+fn the_same_inputs_give_the_same_outputs_to_the_bit() {
+    let run = || {
+        let mut b = Bench::walking(config());
+        b.disturbance_rad = std::array::from_fn(|j| 0.003 * j as f64);
+        let mut bytes = Vec::new();
+        for _ in 0..3000 {
+            let output = b.cycle(&[], None);
+            for v in output.command.torque_nm.iter().chain(&output.command.position_rad) {
+                bytes.extend(v.to_bits().to_le_bytes());
+            }
+        }
+        bytes
+    };
+    assert_eq!(run(), run());
+}
+
+#[test]
+fn a_bad_configuration_is_refused_by_its_key() {
+    type Case = (&'static str, fn(&mut Config));
+    let cases: [Case; 5] = [
+        ("state_timeout_s is NaN", |c| c.state_timeout_s = f64::NAN),
+        ("torque_limit_nm of rear_left_knee", |c| c.torque_limit_nm[5] = -1.0),
+        ("stand puts front_right_hip_pitch", |c| c.stand.position_rad[7] = 9.0),
+        ("position limits of front_left_hip_roll", |c| c.position_max_rad[0] = -0.43),
+        ("over_temperature_c is 70", |c| c.over_temperature_c = 70.0),
+    ];
+    for (expected, spoil) in cases {
+        let mut c = config();
+        spoil(&mut c);
+        let e = Controller::new(c).unwrap_err().to_string();
+        assert!(e.contains(expected), "expected {expected:?} in {e:?}");
+    }
+}
