@@ -1,0 +1,238 @@
+//! The two bipeds of the decomposition at one instant of the step: everything a point of the program needs, in the front
+//! biped's coordinates (q_r = A q_f, Ma & Ames 2020, II-C).
+
+use nalgebra::{Matrix3xX, SMatrix, SVector, Vector3};
+use rigid_body::{Data, FrameId, Model, ModelError};
+use robot::Robot;
+
+/// Legs of the front biped.
+const FRONT: [usize; 2] = [0, 2];
+/// Legs of the rear biped.
+const REAR: [usize; 2] = [1, 3];
+/// The front biped's swing leg in the first step; leg 2 stands.
+pub(crate) const FRONT_SWING: usize = 0;
+/// The rear biped's swing leg in the first step; leg 1 stands.
+pub(crate) const REAR_SWING: usize = 3;
+const DOF: usize = 12;
+
+/// A toe's motion with its derivatives by the front biped's coordinates.
+#[derive(Clone, Debug)]
+pub(crate) struct Toe {
+    pub position: Vector3<f64>,
+    pub velocity: Vector3<f64>,
+    pub acceleration: Vector3<f64>,
+    pub jacobian: SMatrix<f64, 3, DOF>,
+    pub dvelocity_dq: SMatrix<f64, 3, DOF>,
+    pub dacceleration_dq: SMatrix<f64, 3, DOF>,
+    pub dacceleration_dv: SMatrix<f64, 3, DOF>,
+}
+
+impl Default for Toe {
+    fn default() -> Self {
+        Self {
+            position: Vector3::zeros(),
+            velocity: Vector3::zeros(),
+            acceleration: Vector3::zeros(),
+            jacobian: SMatrix::zeros(),
+            dvelocity_dq: SMatrix::zeros(),
+            dacceleration_dq: SMatrix::zeros(),
+            dacceleration_dv: SMatrix::zeros(),
+        }
+    }
+}
+
+/// One biped: its inverse dynamics, rows in its own coordinates, derivatives by the front biped's.
+#[derive(Clone, Debug)]
+pub(crate) struct BipedDynamics {
+    /// D q̈ + H − Jᵀ λ of its own stance toe.
+    pub tau: SVector<f64, DOF>,
+    pub dtau_dq: SMatrix<f64, DOF, DOF>,
+    pub dtau_dv: SMatrix<f64, DOF, DOF>,
+    pub mass_matrix: SMatrix<f64, DOF, DOF>,
+    pub stance: Toe,
+    /// The stance toe's Jacobian by the biped's own coordinates: its transpose maps the ground force into `tau`.
+    pub stance_jacobian_own: SMatrix<f64, 3, DOF>,
+    pub swing: Toe,
+}
+
+impl Default for BipedDynamics {
+    fn default() -> Self {
+        Self {
+            tau: SVector::zeros(),
+            dtau_dq: SMatrix::zeros(),
+            dtau_dv: SMatrix::zeros(),
+            mass_matrix: SMatrix::zeros(),
+            stance: Toe::default(),
+            stance_jacobian_own: SMatrix::zeros(),
+            swing: Toe::default(),
+        }
+    }
+}
+
+/// Both bipeds at one instant.
+#[derive(Clone, Debug, Default)]
+pub(crate) struct PointDynamics {
+    pub front: BipedDynamics,
+    pub rear: BipedDynamics,
+}
+
+struct Biped {
+    model: Model,
+    data: Data,
+    stance: FrameId,
+    swing: FrameId,
+    /// For each of its coordinates, the front biped's that it follows, and the sign.
+    follows: [(usize, f64); DOF],
+}
+
+/// The two bipeds of a robot, each with half of the torso, and their workspaces.
+pub struct Bipeds {
+    front: Biped,
+    rear: Biped,
+    hip_x_m: [f64; 4],
+    total_mass_kg: f64,
+    /// Whether `evaluate` is to write the derivatives as well.
+    pub(crate) with_derivatives: bool,
+}
+
+impl Bipeds {
+    /// Splits the robot. Leg 1 follows leg 2 and leg 3 follows leg 0, with the mirror's signs (M = [[0, m], [m, 0]], b = 0).
+    pub fn new(robot: &Robot) -> Result<Self, ModelError> {
+        // Any split of the torso gives the same accelerations, forces and torques; only λc depends on it.
+        const TORSO_SHARE: f64 = 0.5;
+        let names = robot.joint_names();
+        let model = |legs: [usize; 2]| {
+            let joints: Vec<&str> =
+                legs.iter().flat_map(|&leg| names[3 * leg..3 * leg + 3].iter().map(String::as_str)).collect();
+            robot.model.subtree(&joints, TORSO_SHARE)
+        };
+        let biped = |legs: [usize; 2], stance: usize, swing: usize, follows: [(usize, f64); DOF]| {
+            let model = model(legs)?;
+            let data = Data::new(&model);
+            Ok(Biped { data, model, stance: robot.legs[stance].toe, swing: robot.legs[swing].toe, follows })
+        };
+        let own = std::array::from_fn(|i| (i, 1.0));
+        let sign = robot.mirror.joint_sign;
+        let crossed = std::array::from_fn(|i| match i {
+            0..6 => (i, 1.0),
+            6..9 => (i + 3, sign[i - 6]),
+            _ => (i - 3, sign[i - 9]),
+        });
+        let mut data = Data::new(&robot.model);
+        let q = vec![0.0; robot.model.dof()];
+        rigid_body::forward_kinematics(&robot.model, &mut data, &q, &q, &q);
+        let hip_x_m = std::array::from_fn(|leg| {
+            let dof = robot.model.joint_index(&names[3 * leg]).expect("the robot's joints are the model's");
+            let link = robot.model.link_name(dof);
+            let frame = robot.model.frame_id(link).expect("every link is a frame");
+            rigid_body::frame_position(&robot.model, &data, frame).x
+        });
+        Ok(Self {
+            front: biped(FRONT, 2, FRONT_SWING, own)?,
+            rear: biped(REAR, 1, REAR_SWING, crossed)?,
+            hip_x_m,
+            total_mass_kg: robot.model.total_mass(),
+            with_derivatives: true,
+        })
+    }
+
+    pub(crate) fn front_legs(&self) -> [usize; 2] {
+        FRONT
+    }
+
+    pub(crate) fn rear_legs(&self) -> [usize; 2] {
+        REAR
+    }
+
+    pub(crate) fn total_mass_kg(&self) -> f64 {
+        self.total_mass_kg
+    }
+
+    pub(crate) fn hip_x_m(&self, leg: usize) -> f64 {
+        self.hip_x_m[leg]
+    }
+
+    /// Distance between toes 1 and 2 when each stands below its hip's x and `half_width_m` from the mid plane.
+    pub(crate) fn nominal_toe_distance_m(&self, half_width_m: f64) -> f64 {
+        (self.hip_x_m[2] - self.hip_x_m[1]).hypot(2.0 * half_width_m)
+    }
+
+    /// The rear biped's coordinates that go with the front's: A w.
+    pub(crate) fn rear_from_front(&self, w: &[f64; DOF]) -> [f64; DOF] {
+        self.rear.follows.map(|(from, sign)| sign * w[from])
+    }
+
+    /// Position of a front biped's toe in the world for base coordinates and joints `q`, and its Jacobian by the leg's
+    /// three joints.
+    pub(crate) fn front_toe(&mut self, swing: bool, q: &[f64; DOF]) -> (Vector3<f64>, nalgebra::Matrix3<f64>) {
+        let zero = [0.0; DOF];
+        let b = &mut self.front;
+        let (frame, first) = if swing { (b.swing, 6) } else { (b.stance, 9) };
+        let toe = rigid_body::point_kinematics(&b.model, &mut b.data, q, &zero, &zero, frame);
+        (toe.position, toe.jacobian.fixed_columns::<3>(first).into_owned())
+    }
+
+    /// Inverse dynamics of both bipeds and the motion of the four toes, for the front biped's q, q̇, q̈ and the ground forces
+    /// λ1, λ2 in N.
+    pub(crate) fn evaluate(
+        &mut self,
+        q: &[f64; DOF],
+        v: &[f64; DOF],
+        a: &[f64; DOF],
+        lambda_1: Vector3<f64>,
+        lambda_2: Vector3<f64>,
+        out: &mut PointDynamics,
+    ) {
+        let (q_r, v_r, a_r) = (self.rear_from_front(q), self.rear_from_front(v), self.rear_from_front(a));
+        evaluate(&mut self.front, q, v, a, lambda_2, &mut out.front, self.with_derivatives);
+        evaluate(&mut self.rear, &q_r, &v_r, &a_r, lambda_1, &mut out.rear, self.with_derivatives);
+    }
+}
+
+fn evaluate(
+    biped: &mut Biped,
+    q: &[f64; DOF],
+    v: &[f64; DOF],
+    a: &[f64; DOF],
+    force: Vector3<f64>,
+    out: &mut BipedDynamics,
+    with_derivatives: bool,
+) {
+    let Biped { model, data, stance, swing, follows } = biped;
+    let forces = [(*stance, force)];
+    if !with_derivatives {
+        out.tau.copy_from(rigid_body::rnea(model, data, q, v, a, &forces));
+        for (frame, toe) in [(*stance, &mut out.stance), (*swing, &mut out.swing)] {
+            let point = rigid_body::last_point_kinematics(model, data, frame);
+            (toe.position, toe.velocity, toe.acceleration) = (point.position, point.velocity, point.acceleration);
+        }
+        return;
+    }
+    rigid_body::rnea_derivatives(model, data, q, v, a, &forces);
+    out.tau.copy_from(&data.tau);
+    for (own, &(column, sign)) in follows.iter().enumerate() {
+        for row in 0..DOF {
+            out.dtau_dq[(row, column)] = sign * data.dtau_dq[(row, own)];
+            out.dtau_dv[(row, column)] = sign * data.dtau_dv[(row, own)];
+            out.mass_matrix[(row, column)] = sign * data.mass_matrix[(row, own)];
+        }
+    }
+    let by_front = |from: &Matrix3xX<f64>, to: &mut SMatrix<f64, 3, DOF>| {
+        for (own, &(column, sign)) in follows.iter().enumerate() {
+            to.set_column(column, &(from.column(own) * sign));
+        }
+    };
+    for (frame, toe) in [(*stance, &mut out.stance), (*swing, &mut out.swing)] {
+        let point = rigid_body::last_point_kinematics_derivatives(model, data, frame);
+        (toe.position, toe.velocity, toe.acceleration) = (point.position, point.velocity, point.acceleration);
+        by_front(&point.jacobian, &mut toe.jacobian);
+        by_front(&point.dvelocity_dq, &mut toe.dvelocity_dq);
+        by_front(&point.dacceleration_dq, &mut toe.dacceleration_dq);
+        by_front(&point.dacceleration_dv, &mut toe.dacceleration_dv);
+        if frame == *stance {
+            for own in 0..DOF {
+                out.stance_jacobian_own.set_column(own, &point.jacobian.column(own));
+            }
+        }
+    }
+}

@@ -1,0 +1,128 @@
+//! What is asked of the planner.
+
+use robot::Robot;
+use serde::{Deserialize, Serialize};
+
+/// A gait request, complete: every value stated. Start from [`GaitRequest::named`] and change what you need.
+///
+/// Ranges that no walking robot of this kind needs to exceed are refused by [`GaitRequest::validate`]; within them the
+/// solver decides.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct GaitRequest {
+    /// Name of the behaviour, carried into the gait file.
+    pub behaviour: String,
+    /// T, s; held to within [`GaitRequest::STEP_DURATION_TOLERANCE`].
+    pub step_duration_s: f64,
+    /// How high the swing toes rise in the middle of the step, m.
+    pub clearance_m: f64,
+    /// Forward speed, m/s; negative is backward.
+    pub speed_m_s: f64,
+    /// Hip axes above the toe centres, m.
+    pub height_m: f64,
+    /// Lateral distance of a stance toe from the mid plane, m.
+    pub half_width_m: f64,
+    /// Friction coefficient that the ground forces may use.
+    pub friction: f64,
+    /// Torque bound of (hip roll, hip pitch, knee), N m, on all four legs.
+    pub torque_limit_nm: [f64; 3],
+}
+
+/// Table I of Ma & Ames 2020: name, frequency Hz, clearance m, speed m/s. Its frequencies count steps: T = 1 / f.
+const TABLE_I: [(&str, f64, f64, f64); 5] = [
+    ("gait1", 2.5, 0.11, 0.0),
+    ("gait2", 2.3, 0.12, 0.0),
+    ("gait3", 2.2, 0.15, 0.0),
+    ("gait4", 2.6, 0.13, 0.0),
+    ("amble", 2.83, 0.13, 0.35),
+];
+
+/// Friction the plans may use; the floor should offer more.
+const FRICTION: f64 = 0.6;
+
+/// T of a frequency that counts steps.
+pub fn step_duration_from_step_frequency(frequency_hz: f64) -> f64 {
+    1.0 / frequency_hz
+}
+
+/// T of a frequency that counts strides, of two steps each.
+pub fn step_duration_from_stride_frequency(frequency_hz: f64) -> f64 {
+    1.0 / (2.0 * frequency_hz)
+}
+
+/// A request that cannot be meant.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+pub enum RequestError {
+    /// No behaviour of that name.
+    #[error("behaviour \"{name}\" is unknown: expected one of {}", behaviours().collect::<Vec<_>>().join(", "))]
+    UnknownBehaviour {
+        /// What was asked for.
+        name: String,
+    },
+    /// A value out of its range.
+    #[error("{field} is {value}, expected {lower} to {upper} {unit}")]
+    OutOfRange {
+        /// Which field.
+        field: &'static str,
+        /// Its value.
+        value: f64,
+        /// Smallest value accepted.
+        lower: f64,
+        /// Largest value accepted.
+        upper: f64,
+        /// Unit of all three.
+        unit: &'static str,
+    },
+}
+
+/// Names that [`GaitRequest::named`] knows.
+pub fn behaviours() -> impl Iterator<Item = &'static str> {
+    TABLE_I.iter().map(|row| row.0)
+}
+
+impl GaitRequest {
+    /// Relative tolerance within which the solver may choose T.
+    pub const STEP_DURATION_TOLERANCE: f64 = 0.01;
+
+    /// One of the five gaits of Table I, at the robot's nominal height, stance and torque bound.
+    pub fn named(name: &str, robot: &Robot) -> Result<Self, RequestError> {
+        let &(behaviour, frequency_hz, clearance_m, speed_m_s) = TABLE_I
+            .iter()
+            .find(|row| row.0 == name)
+            .ok_or_else(|| RequestError::UnknownBehaviour { name: name.into() })?;
+        Ok(Self {
+            behaviour: behaviour.into(),
+            step_duration_s: step_duration_from_step_frequency(frequency_hz),
+            clearance_m,
+            speed_m_s,
+            height_m: robot.nominal.height_m,
+            half_width_m: robot.nominal.half_width_m,
+            friction: FRICTION,
+            torque_limit_nm: robot.limits.plan_torque_nm,
+        })
+    }
+
+    /// Refuses values that are not finite or outside what this planner is made for. `leg_length_m` is the longest
+    /// distance from a hip axis to its toe.
+    pub fn validate(&self, leg_length_m: f64) -> Result<(), RequestError> {
+        let [roll, pitch, knee] = self.torque_limit_nm;
+        // Clearance: half the hip height leaves the folded leg room below the body.
+        for (field, value, lower, upper, unit) in [
+            ("step_duration_s", self.step_duration_s, 0.1, 2.0, "s"),
+            ("height_m", self.height_m, 0.2 * leg_length_m, 0.98 * leg_length_m, "m"),
+            ("half_width_m", self.half_width_m, 0.0, 0.8 * leg_length_m, "m"),
+            ("clearance_m", self.clearance_m, 0.0, 0.5 * self.height_m, "m"),
+            ("speed_m_s", self.speed_m_s, -2.0, 2.0, "m/s"),
+            ("friction", self.friction, 0.1, 1.5, ""),
+            ("torque_limit_nm[hip roll]", roll, 1.0, 1000.0, "N m"),
+            ("torque_limit_nm[hip pitch]", pitch, 1.0, 1000.0, "N m"),
+            ("torque_limit_nm[knee]", knee, 1.0, 1000.0, "N m"),
+        ] {
+            // Written so that a value that is not a number is refused too.
+            if !(lower..=upper).contains(&value) {
+                return Err(RequestError::OutOfRange { field, value, lower, upper, unit });
+            }
+        }
+        Ok(())
+    }
+}
