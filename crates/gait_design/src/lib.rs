@@ -1,1 +1,162 @@
-//! Gait generation: transcription of the decomposed dynamics into a nonlinear program.
+//! Gait generation by the dynamics decomposition of Ma & Ames 2020: a request becomes a nonlinear program for the front
+//! biped, its solution is recomposed to the quadruped's gait, and the reference that the tracking law follows is fitted.
+//!
+//! ```no_run
+//! # fn show(robot: &robot::Robot) -> Result<(), Box<dyn std::error::Error>> {
+//! let mut request = gait_design::GaitRequest::named("amble", robot)?;
+//! request.speed_m_s = 0.4;
+//! let plan = gait_design::plan(robot, &request, &Default::default(), |_| std::ops::ControlFlow::Continue(()))?;
+//! println!("{} iterations", plan.gait.solver.iterations);
+//! # Ok(()) }
+//! ```
+
+mod biped;
+mod guess;
+mod program;
+mod recompose;
+mod request;
+
+pub use biped::Bipeds;
+pub use guess::Unreachable;
+pub use program::{DecomposedProgram, ProgramSettings};
+pub use recompose::PlanPoint;
+pub use request::{
+    GaitRequest, RequestError, behaviours, step_duration_from_step_frequency, step_duration_from_stride_frequency,
+};
+
+use gait::{Gait, GaitError, SolverSummary};
+use nlp::{Iteration, Settings, Solution, SqpSolver, Status};
+use robot::Robot;
+use std::ops::ControlFlow;
+
+/// What can be chosen about planning beside the request itself.
+#[derive(Clone, Debug, PartialEq)]
+pub struct PlanOptions {
+    /// The program's settings.
+    pub program: ProgramSettings,
+    /// The solver's settings.
+    pub solver: Settings,
+}
+
+impl Default for PlanOptions {
+    fn default() -> Self {
+        let solver = Settings {
+            objective_tolerance: 1e-8,
+            constraint_tolerance: 1e-5,
+            max_iterations: 100,
+            // Costs are about 0.05; Clarabel's tolerances are absolute.
+            objective_scale: 1e3,
+        };
+        Self { program: ProgramSettings::default(), solver }
+    }
+}
+
+/// A planned gait and how it came about.
+#[derive(Clone, Debug)]
+pub struct Plan {
+    /// The gait. Its `solver.solve_time_s` is 0: this crate reads no clock, the caller does.
+    pub gait: Gait,
+    /// The full robot at every point of the program.
+    pub points: Vec<PlanPoint>,
+    /// The solver's log.
+    pub log: Vec<Iteration>,
+}
+
+/// Why there is no gait.
+#[derive(Debug, thiserror::Error)]
+pub enum PlanError {
+    /// The request cannot be meant.
+    #[error(transparent)]
+    Request(#[from] RequestError),
+    /// No posture of the legs fits the request.
+    #[error(transparent)]
+    Unreachable(#[from] Unreachable),
+    /// The robot cannot be split into two bipeds.
+    #[error("the robot cannot be split into two bipeds: {0}")]
+    Model(#[from] rigid_body::ModelError),
+    /// The program contradicts itself before the first iteration.
+    #[error(transparent)]
+    Problem(#[from] nlp::ProblemError),
+    /// A solver setting is out of range.
+    #[error(transparent)]
+    Settings(#[from] nlp::SettingsError),
+    /// The solver did not converge: no gait.
+    #[error("no gait: {status} after {iterations} iterations; {worst}")]
+    NotConverged {
+        /// How the solver ended.
+        status: Status,
+        /// Iterations taken.
+        iterations: u32,
+        /// What stood in the way.
+        worst: String,
+        /// Every iteration.
+        log: Vec<Iteration>,
+    },
+    /// The solution fails the check by the full-order model.
+    #[error("no gait: the solution does not satisfy the full-order dynamics: {0}")]
+    Unverified(String),
+    /// The recomposed gait is not one that can be walked.
+    #[error(transparent)]
+    Gait(#[from] GaitError),
+}
+
+/// Plans one gait. `progress` sees every iteration of the solver and may stop it. The same request gives the same gait.
+pub fn plan(
+    robot: &Robot,
+    request: &GaitRequest,
+    options: &PlanOptions,
+    progress: impl FnMut(&Iteration) -> ControlFlow<()>,
+) -> Result<Plan, PlanError> {
+    request.validate(leg_length_m(robot))?;
+    let bipeds = Bipeds::new(robot)?;
+    let mut program = DecomposedProgram::new(robot, bipeds, request, options.program.clone());
+    let start = guess::nominal(robot, &mut program, request)?;
+    let solution = SqpSolver::new(options.solver.clone())?.solve(&mut program, &start, progress)?;
+    if solution.status != Status::Converged {
+        return Err(not_converged(solution));
+    }
+    let points = recompose::points(robot, &program, &solution.x)?;
+    let summary = SolverSummary {
+        status: solution.status.to_string(),
+        iterations: solution.iterations(),
+        solve_time_s: 0.0,
+        max_violation: solution.worst.amount,
+        objective: solution.objective,
+    };
+    let gait = recompose::gait(robot, &program, request, &solution.x, &points, summary)?;
+    Ok(Plan { gait, points, log: solution.log })
+}
+
+fn not_converged(solution: Solution) -> PlanError {
+    let worst = match &solution.status {
+        Status::Infeasible { fighting } if !fighting.is_empty() => {
+            let named: Vec<String> = fighting.iter().map(|v| format!("{} (by {:.3e})", v.name, v.amount)).collect();
+            format!("these cannot hold together with the rest: {}", named.join("; "))
+        }
+        _ => format!("the most broken constraint is {} (by {:.3e})", solution.worst.name, solution.worst.amount),
+    };
+    PlanError::NotConverged { iterations: solution.iterations(), status: solution.status, worst, log: solution.log }
+}
+
+/// Longest distance of a toe from its hip-roll axis' origin over all legs, m: the sum of the links' lengths.
+fn leg_length_m(robot: &Robot) -> f64 {
+    let names = robot.joint_names();
+    let mut data = rigid_body::Data::new(&robot.model);
+    let zero = vec![0.0; robot.model.dof()];
+    rigid_body::forward_kinematics(&robot.model, &mut data, &zero, &zero, &zero);
+    let origin = |joint: &str| {
+        let dof = robot.model.joint_index(joint).expect("the robot's joints are the model's");
+        let frame = robot.model.frame_id(robot.model.link_name(dof)).expect("every link is a frame");
+        rigid_body::frame_position(&robot.model, &data, frame)
+    };
+    (0..4)
+        .map(|leg| {
+            let [roll, pitch, knee] = [0, 1, 2].map(|k| origin(&names[3 * leg + k]));
+            let toe = rigid_body::frame_position(&robot.model, &data, robot.legs[leg].toe);
+            (pitch - roll).norm() + (knee - pitch).norm() + (toe - knee).norm()
+        })
+        .fold(0.0, f64::max)
+}
+
+#[cfg(test)]
+mod tests;

@@ -200,6 +200,10 @@ impl DecomposedProgram {
         self.settings.points
     }
 
+    pub(crate) fn bipeds(&self) -> &Bipeds {
+        &self.bipeds
+    }
+
     pub(crate) fn bipeds_mut(&mut self) -> &mut Bipeds {
         &mut self.bipeds
     }

@@ -1,0 +1,157 @@
+//! From the front biped's solution to the quadruped's gait (Ma & Ames 2020, II-C and III), checked by the full-order model.
+
+use crate::PlanError;
+use crate::program::{DOF, DecomposedProgram, layout as at};
+use crate::request::GaitRequest;
+use gait::{Coefficients, Gait, InitialState, JOINTS, Mirror, SolverSummary, bezier};
+use nalgebra::{DMatrix, Rotation3, UnitQuaternion, Vector3};
+use rigid_body::{Data, rnea};
+use robot::Robot;
+
+/// Force or moment that the full-order model may be out of balance by at a point, N or N m. The program's own equality
+/// tolerance is 1e-5.
+const BALANCE_TOLERANCE: f64 = 1e-3;
+
+/// The whole robot at one point of a plan. Coordinates are (x, y, z, roll, pitch, yaw, 12 joints), z of the base measured
+/// from the toe centres' plane; velocities are their plain derivatives.
+#[derive(Clone, Debug, PartialEq)]
+pub struct PlanPoint {
+    /// s = t / T.
+    pub phase: f64,
+    /// q, 18.
+    pub q: [f64; 18],
+    /// q̇, 18.
+    pub v: [f64; 18],
+    /// q̈, 18.
+    pub a: [f64; 18],
+    /// Torques of all twelve joints, N m.
+    pub torque_nm: [f64; JOINTS],
+    /// Ground force on each toe in world axes, N; zero for the swing toes.
+    pub ground_force_n: [[f64; 3]; 4],
+}
+
+/// All points of a solution, torques by the full-order inverse dynamics.
+pub(crate) fn points(robot: &Robot, program: &DecomposedProgram, x: &[f64]) -> Result<Vec<PlanPoint>, PlanError> {
+    let mut data = Data::new(&robot.model);
+    (0..program.points())
+        .map(|index| {
+            let p = &x[at::point(index)..at::point(index + 1)];
+            let full = |start: usize| whole(program, p[start..start + DOF].try_into().expect("twelve entries"));
+            let (q, v, a) = (full(at::Q), full(at::V), full(at::A));
+            let force = |start: usize| Vector3::from_column_slice(&p[start..start + 3]);
+            let (lambda_1, lambda_2) = (force(at::LAMBDA_1), force(at::LAMBDA_2));
+            let forces = [(robot.legs[1].toe, lambda_1), (robot.legs[2].toe, lambda_2)];
+            let tau = rnea(&robot.model, &mut data, &q, &v, &a, &forces);
+            let unbalanced = tau.rows(0, 6).amax();
+            if unbalanced > BALANCE_TOLERANCE {
+                return Err(PlanError::Unverified(format!(
+                    "the base is out of balance by {unbalanced:.2e} N or N m at point {} of {}",
+                    index + 1,
+                    program.points()
+                )));
+            }
+            Ok(PlanPoint {
+                phase: program.phase(index),
+                q,
+                v,
+                a,
+                torque_nm: std::array::from_fn(|j| tau[6 + j]),
+                ground_force_n: [[0.0; 3], lambda_1.into(), lambda_2.into(), [0.0; 3]],
+            })
+        })
+        .collect()
+}
+
+/// The quadruped's coordinates from the front biped's.
+fn whole(program: &DecomposedProgram, front: &[f64; DOF]) -> [f64; 18] {
+    let rear = program.bipeds().rear_from_front(front);
+    std::array::from_fn(|i| match i {
+        0..9 => front[i],
+        9..12 => rear[i - 3],
+        12..15 => front[i - 3],
+        _ => rear[i - 6],
+    })
+}
+
+/// The gait of a solution.
+pub(crate) fn gait(
+    robot: &Robot,
+    program: &DecomposedProgram,
+    request: &GaitRequest,
+    x: &[f64],
+    points: &[PlanPoint],
+    solver: SolverSummary,
+) -> Result<Gait, PlanError> {
+    let t = x[at::T];
+    let mut coefficients_rad = [[0.0; 6]; JOINTS];
+    for k in 0..=bezier::DEGREE {
+        let mut front = [0.0; DOF];
+        for j in 0..6 {
+            front[6 + j] = x[at::alpha(k, j)];
+        }
+        let all = whole(program, &front);
+        for j in 0..JOINTS {
+            coefficients_rad[j][k] = all[6 + j];
+        }
+    }
+    let kp: [f64; JOINTS] = std::array::from_fn(|j| robot.gains.kp_nm_per_rad[j % 3]);
+    let kd: [f64; JOINTS] = std::array::from_fn(|j| robot.gains.kd_nm_s_per_rad[j % 3]);
+    let first = &points[0];
+    let angles = [first.q[3], first.q[4], first.q[5]];
+    let orientation = UnitQuaternion::from_rotation_matrix(&Rotation3::from_euler_angles(angles[0], angles[1], angles[2]));
+    let c = orientation.coords;
+    let gait = Gait {
+        robot: robot.name.clone(),
+        name: request.behaviour.clone(),
+        joint_names: robot.joint_names(),
+        step_duration_s: t,
+        step_length_m: request.speed_m_s * t,
+        coefficients_rad,
+        mirror: Mirror { leg: robot.mirror.leg, sign: robot.mirror.joint_sign },
+        initial: InitialState {
+            // The plan's floor is the toe centres' plane, one toe radius above the real one.
+            base_position_m: [first.q[0], first.q[1], first.q[2] + robot.toe_radius_m],
+            base_quaternion_xyzw: [c.x, c.y, c.z, c.w],
+            base_linear_velocity_world: [first.v[0], first.v[1], first.v[2]],
+            base_angular_velocity_body: body_rates(angles, [first.v[3], first.v[4], first.v[5]]),
+            joint_position_rad: std::array::from_fn(|j| first.q[6 + j]),
+            joint_velocity_rad_s: std::array::from_fn(|j| first.v[6 + j]),
+        },
+        reference_coefficients_rad: compensated_reference(points, t, &kp, &kd),
+        kp,
+        kd,
+        torque_limit_nm: std::array::from_fn(|j| request.torque_limit_nm[j % 3]),
+        request: serde_json::to_value(request).expect("a request is plain numbers and a name"),
+        solver,
+    };
+    gait.validate()?;
+    Ok(gait)
+}
+
+/// Angular velocity in the body's axes from the rates of roll, pitch, yaw (R = R_z R_y R_x).
+fn body_rates([roll, pitch, _]: [f64; 3], [droll, dpitch, dyaw]: [f64; 3]) -> [f64; 3] {
+    let ((sr, cr), (sp, cp)) = (roll.sin_cos(), pitch.sin_cos());
+    [droll - sp * dyaw, cr * dpitch + sr * cp * dyaw, -sr * dpitch + cr * cp * dyaw]
+}
+
+/// B̃ with kp B̃ + kd dB̃/dt = u + kp q + kd q̇ along the plan: the bare law u = −kp (q − B̃) − kd (q̇ − dB̃/dt) then gives
+/// the planned torque on the planned motion. Least squares over the points, one polynomial a joint.
+fn compensated_reference(
+    points: &[PlanPoint],
+    step_duration_s: f64,
+    kp: &[f64; JOINTS],
+    kd: &[f64; JOINTS],
+) -> [Coefficients; JOINTS] {
+    std::array::from_fn(|j| {
+        let matrix = DMatrix::from_fn(points.len(), bezier::DEGREE + 1, |p, k| {
+            let s = points[p].phase;
+            kp[j] * bezier::basis(s)[k] + kd[j] * bezier::basis_first_derivative(s)[k] / step_duration_s
+        });
+        let right = nalgebra::DVector::from_fn(points.len(), |p, _| {
+            let point = &points[p];
+            point.torque_nm[j] + kp[j] * point.q[6 + j] + kd[j] * point.v[6 + j]
+        });
+        let solution = matrix.svd(true, true).solve(&right, 1e-12).expect("both factors were asked for");
+        std::array::from_fn(|k| solution[k])
+    })
+}
