@@ -1,1 +1,0 @@
-//! tandem: plan, simulate, bag, report, doctor.

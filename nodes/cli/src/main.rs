@@ -1,0 +1,39 @@
+//! `tandem`: plan gaits, simulate them, look at what happened — without ROS, DDS or a robot.
+
+mod plan;
+mod robots;
+
+use clap::{Parser, Subcommand};
+use std::process::ExitCode;
+
+/// Plan a quadruped's gait as two bipeds walking in tandem, and walk it in simulation.
+///
+/// Start here:
+///
+///   tandem plan amble -o amble.json      plan the paper's amble and write the gait file
+///   tandem simulate amble.json           walk it in MuJoCo under the paper's PD law
+#[derive(Parser)]
+#[command(name = "tandem", version, about, verbatim_doc_comment, max_term_width = 110)]
+struct Arguments {
+    #[command(subcommand)]
+    command: Command,
+}
+
+#[derive(Subcommand)]
+enum Command {
+    Plan(plan::Arguments),
+}
+
+fn main() -> ExitCode {
+    let arguments = Arguments::parse();
+    let result = match arguments.command {
+        Command::Plan(a) => plan::run(&a),
+    };
+    match result {
+        Ok(code) => code,
+        Err(e) => {
+            eprintln!("tandem: {e:#}");
+            ExitCode::FAILURE
+        }
+    }
+}
