@@ -248,14 +248,10 @@ impl DecomposedProgram {
         for point in 0..s.points {
             // x starts at 0: where the step begins is free.
             let x = if point == 0 { 0.0 } else { reach };
-            push(&[-x, -0.3, height - s.height_tolerance_m, -angle, -angle, -angle], &[
-                x,
-                0.3,
-                height + s.height_tolerance_m,
-                angle,
-                angle,
-                angle,
-            ]);
+            push(
+                &[-x, -0.3, height - s.height_tolerance_m, -angle, -angle, -angle],
+                &[x, 0.3, height + s.height_tolerance_m, angle, angle, angle],
+            );
             push(&joint_lower, &joint_upper);
             // Far outside what a gait needs; they only keep the first subproblems from running away.
             let base_rate = [4.0, 4.0, 4.0, 6.0, 6.0, 6.0];
@@ -356,7 +352,14 @@ impl DecomposedProgram {
         for point in 0..self.points() {
             let p = &x[at::point(point)..at::point(point) + at::POINT];
             let (l1, l2) = (three(p, at::LAMBDA_1), three(p, at::LAMBDA_2));
-            self.bipeds.evaluate(twelve(p, at::Q), twelve(p, at::V), twelve(p, at::A), l1, l2, &mut self.dynamics[point]);
+            self.bipeds.evaluate(
+                twelve(p, at::Q),
+                twelve(p, at::V),
+                twelve(p, at::A),
+                l1,
+                l2,
+                &mut self.dynamics[point],
+            );
             let d = &self.dynamics[point];
             let g = &mut g[rows::COUNT * point..rows::COUNT * (point + 1)];
             let second = bezier::basis_second_derivative(point as f64 / (self.settings.points - 1) as f64);

@@ -98,7 +98,8 @@ pub(crate) fn gait(
     let kd: [f64; JOINTS] = std::array::from_fn(|j| robot.gains.kd_nm_s_per_rad[j % 3]);
     let first = &points[0];
     let angles = [first.q[3], first.q[4], first.q[5]];
-    let orientation = UnitQuaternion::from_rotation_matrix(&Rotation3::from_euler_angles(angles[0], angles[1], angles[2]));
+    let orientation =
+        UnitQuaternion::from_rotation_matrix(&Rotation3::from_euler_angles(angles[0], angles[1], angles[2]));
     let c = orientation.coords;
     let gait = Gait {
         robot: robot.name.clone(),

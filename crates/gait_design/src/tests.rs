@@ -65,22 +65,127 @@ fn the_jacobian_agrees_with_central_differences_everywhere() {
     }
 }
 
+/// The optimum of the same program by an independent transcription (CasADi with IPOPT), at z = 0.55 m, w = 0.25 m, T = 1/f.
+const PEER_COST: [(&str, f64); 5] =
+    [("gait1", 0.037376), ("gait2", 0.037045), ("gait3", 0.037492), ("gait4", 0.038555), ("amble", 0.053664)];
+
 #[test]
-fn the_five_gaits_of_table_i_converge() {
+fn the_five_gaits_of_table_i_converge_to_the_independent_optimum() {
     let robot = vision60();
-    for name in behaviours() {
+    for (name, peer) in PEER_COST {
         let request = GaitRequest::named(name, &robot).unwrap();
-        let result = plan(&robot, &request, &PlanOptions::default(), |i| {
-            println!(
-                "{name} {:3} f {:.6e} viol {:.1e} stat {:.1e} a {:.3} |p| {:.1e} qp {} {}",
-                i.number, i.objective, i.max_violation, i.stationarity, i.step_length, i.step_norm, i.qp_iterations,
-                if i.elastic { "elastic" } else { "" }
-            );
-            go_on(i)
-        });
-        match result {
-            Ok(p) => println!("{name}: {} it, cost {:.6}, viol {:.1e}", p.gait.solver.iterations, p.gait.solver.objective, p.gait.solver.max_violation),
-            Err(e) => println!("{name}: {e}"),
+        let plan = plan(&robot, &request, &PlanOptions::default(), go_on).unwrap();
+        let solver = &plan.gait.solver;
+        assert!(solver.iterations <= 15, "{name} took {} iterations", solver.iterations);
+        assert!(solver.max_violation <= 1e-5, "{name} violates a constraint by {}", solver.max_violation);
+        assert!(solver.objective <= peer * 1.001, "{name} costs {}, the peer {peer}", solver.objective);
+        assert!(
+            solver.objective >= peer * 0.999,
+            "{name} costs {}, below the peer's {peer}: a constraint is missing",
+            solver.objective
+        );
+        for point in &plan.points {
+            assert!(point.torque_nm.iter().all(|u| u.abs() <= 50.0 + 1e-4), "{name}: {:?}", point.torque_nm);
+            for [x, y, z] in [point.ground_force_n[1], point.ground_force_n[2]] {
+                assert!(z >= 30.0 - 1e-4 && x.hypot(y) <= 0.6 * z + 1e-4, "{name}: force ({x}, {y}, {z})");
+            }
         }
     }
+}
+
+#[test]
+fn the_compensated_reference_makes_the_bare_law_give_the_planned_torque() {
+    let robot = vision60();
+    let request = GaitRequest::named("amble", &robot).unwrap();
+    let plan = plan(&robot, &request, &PlanOptions::default(), go_on).unwrap();
+    let gait = &plan.gait;
+    for point in &plan.points {
+        let (position, velocity) = gait.reference(gait::StepSide::First, point.phase);
+        for j in 0..12 {
+            let law = gait.kp[j] * (position[j] - point.q[6 + j]) + gait.kd[j] * (velocity[j] - point.v[6 + j]);
+            let error = (law - point.torque_nm[j]).abs();
+            assert!(
+                error < 1.0,
+                "joint {j} at s = {}: the law gives {law}, the plan wants {}",
+                point.phase,
+                point.torque_nm[j]
+            );
+        }
+    }
+}
+
+#[test]
+fn the_step_ends_where_its_mirror_begins_with_soft_touchdown() {
+    let robot = vision60();
+    let request = GaitRequest::named("amble", &robot).unwrap();
+    let plan = plan(&robot, &request, &PlanOptions::default(), go_on).unwrap();
+    let (first, last) = (&plan.points[0], plan.points.last().unwrap());
+    let mut expected = robot.mirror.coordinates(&first.q);
+    expected[0] += plan.gait.step_length_m;
+    let expected_velocity = robot.mirror.coordinates(&first.v);
+    for i in 0..18 {
+        assert!((last.q[i] - expected[i]).abs() < 2e-5, "q[{i}]");
+        assert!((last.v[i] - expected_velocity[i]).abs() < 2e-5, "v[{i}]");
+    }
+    let mut data = rigid_body::Data::new(&robot.model);
+    for leg in [0, 3] {
+        let toe = rigid_body::point_kinematics(&robot.model, &mut data, &last.q, &last.v, &last.a, robot.legs[leg].toe);
+        assert!(toe.velocity.norm() < 1e-4, "toe {leg} lands at {:?} m/s", toe.velocity);
+        assert!(toe.position.z.abs() < 1e-4, "toe {leg} lands at height {}", toe.position.z);
+    }
+    let middle = &plan.points[5];
+    for leg in [0, 3] {
+        let toe =
+            rigid_body::point_kinematics(&robot.model, &mut data, &middle.q, &middle.v, &middle.a, robot.legs[leg].toe);
+        assert!((toe.position.z - request.clearance_m).abs() < 0.0051, "toe {leg} rises {}", toe.position.z);
+    }
+}
+
+#[test]
+fn the_same_request_gives_the_same_bytes() {
+    let robot = vision60();
+    let request = GaitRequest::named("gait2", &robot).unwrap();
+    let text = || plan(&robot, &request, &PlanOptions::default(), go_on).unwrap().gait.to_json();
+    assert_eq!(text(), text());
+}
+
+#[test]
+fn requests_that_cannot_be_meant_are_refused_by_field() {
+    let robot = vision60();
+    type Case = (&'static str, fn(&mut GaitRequest));
+    let cases: [Case; 7] = [
+        ("speed_m_s is 5, expected -2 to 2 m/s", |r| r.speed_m_s = 5.0),
+        ("clearance_m is 0.4", |r| r.clearance_m = 0.4),
+        ("height_m is NaN", |r| r.height_m = f64::NAN),
+        ("step_duration_s is 0.01", |r| r.step_duration_s = 0.01),
+        ("half_width_m is -0.1", |r| r.half_width_m = -0.1),
+        ("height_m is 0.9", |r| r.height_m = 0.9),
+        ("torque_limit_nm[knee] is 0", |r| r.torque_limit_nm[2] = 0.0),
+    ];
+    for (expected, spoil) in cases {
+        let mut request = GaitRequest::named("amble", &robot).unwrap();
+        spoil(&mut request);
+        let e = plan(&robot, &request, &PlanOptions::default(), go_on).unwrap_err().to_string();
+        assert!(e.contains(expected), "expected {expected:?} in {e:?}");
+    }
+    let e = GaitRequest::named("moonwalk", &robot).unwrap_err().to_string();
+    assert!(e.contains("moonwalk") && e.contains("gait1, gait2, gait3, gait4, amble"), "{e}");
+}
+
+#[test]
+fn a_torque_bound_too_low_is_no_gait_and_names_what_fights() {
+    let robot = vision60();
+    let mut request = GaitRequest::named("gait1", &robot).unwrap();
+    request.torque_limit_nm = [5.0; 3];
+    let e = plan(&robot, &request, &PlanOptions::default(), go_on).unwrap_err();
+    println!("{e}");
+    assert!(matches!(e, PlanError::NotConverged { .. }), "{e}");
+}
+
+#[test]
+fn a_cancelled_plan_says_so() {
+    let robot = vision60();
+    let request = GaitRequest::named("gait1", &robot).unwrap();
+    let e = plan(&robot, &request, &PlanOptions::default(), |_| ControlFlow::Break(())).unwrap_err();
+    assert!(matches!(e, PlanError::NotConverged { status: Status::Cancelled, .. }), "{e}");
 }
