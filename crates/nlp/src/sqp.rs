@@ -165,6 +165,7 @@ impl SqpSolver {
         problem.evaluate(&x, &mut at);
         let mut strict = Qp::new(problem, false, self.settings.objective_scale);
         let mut elastic: Option<Qp> = None;
+        let mut elastic_price = 10.0_f64;
         let mut prices = vec![0.0; m];
         let mut multipliers = vec![0.0_f64; m];
         let mut log: Vec<Iteration> = Vec::new();
@@ -182,9 +183,8 @@ impl SqpSolver {
                 // Clarabel proves infeasibility of a nearly infeasible subproblem only slowly; the elastic variant,
                 // which always has a solution, decides in both cases.
                 Err(QpError::Infeasible | QpError::Stopped(_)) => {
-                    let qp = elastic.get_or_insert_with(|| Qp::new(problem, true, self.settings.objective_scale));
-                    // Well above the multipliers, so that nothing is broken that need not be.
-                    qp.price = 1e3 * multipliers.iter().fold(1.0, |a: f64, l| a.max(l.abs()));
+                    let qp = elastic.get_or_insert_with(|| Qp::new(problem, true, 1.0));
+                    qp.price = elastic_price;
                     match qp.solve(problem, &x, &at, &at.constraints) {
                         Ok(step) => (step, true),
                         Err(e) => {
@@ -195,6 +195,11 @@ impl SqpSolver {
             };
             let stationarity = stationarity(problem, &at, &step);
             multipliers.copy_from_slice(&step.constraint_multipliers);
+            if !relaxed {
+                // Well above the multipliers, so that nothing is broken that need not be. (Those of a relaxed subproblem
+                // are the price itself.)
+                elastic_price = multipliers.iter().fold(elastic_price, |a, l| a.max(10.0 * l.abs()));
+            }
             let slope: f64 = at.gradient.iter().zip(&step.step).map(|(g, p)| g * p).sum();
             let curvature = quadratic(problem, &at, &step.step);
             let mut iteration = Iteration {
