@@ -465,7 +465,7 @@ impl DecomposedProgram {
                 }
                 // −Jᵀ of the stance toes; toe 2 belongs to the second leg of the front biped, toe 1 to the first of the rear.
                 for k in 0..3 {
-                    if i < 6 || i >= 9 {
+                    if !(6..9).contains(&i) {
                         sink.put(r + rows::FRONT + i, p + at::LAMBDA_2 + k, -d.front.stance.jacobian[(k, i)]);
                     }
                     if i < 9 {
