@@ -87,9 +87,10 @@ messages! { "tandem_msgs";
     ControllerState {
         /// When.
         header: Header,
-        /// `disarmed`, `standing_up`, `standing`, `walking`, ..., `fault`.
+        /// `disarmed`, `damping`, `standing_up`, `standing`, `starting`, `walking`, `stopping`, `sitting_down`, `fault`.
         mode: String,
-        /// Why it is in fault; empty when it is not.
+        /// Names of the latched faults, comma between them; in damping without one `emergency_stop`, `stale_joint_state` or
+        /// `armed`.
         fault: String,
         /// Name of the loaded gait; empty when there is none.
         gait: String,
@@ -150,6 +151,18 @@ messages! { "tandem_msgs";
         /// For people: what was wrong.
         message: String,
     }
+    /// Which fault to clear.
+    ClearFaultRequest {
+        /// Its name, as the controller's state shows it.
+        name: String,
+    }
+    /// Whether it was cleared.
+    ClearFaultResponse {
+        /// Cleared.
+        success: bool,
+        /// For people: what was cleared, or why not.
+        message: String,
+    }
     /// The action's feedback: one iteration of the solver.
     GenerateGaitFeedback {
         /// Outer iterations done.
@@ -172,6 +185,10 @@ service! {
 service! {
     /// Loads a gait file's text.
     "tandem_msgs" LoadGait: LoadGaitRequest -> LoadGaitResponse
+}
+service! {
+    /// Clears one latched fault of the controller.
+    "tandem_msgs" ClearFault: ClearFaultRequest -> ClearFaultResponse
 }
 
 /// Plans a gait, with progress, cancellable. Goal and result have the fields of the service of the same name.

@@ -3,7 +3,7 @@
 use std::path::Path;
 
 use tandem_msgs::{
-    Action, ControllerState, Gait, GenerateGait, GenerateGaitAction, JointCommand, LoadGait,
+    Action, ClearFault, ControllerState, Gait, GenerateGait, GenerateGaitAction, JointCommand, LoadGait,
     Message, Service, SolverReport, definition,
 };
 
@@ -73,6 +73,7 @@ fn messages_match_their_files() {
 
 #[test]
 fn services_match_their_files() {
+    assert_service::<ClearFault>();
     assert_service::<GenerateGait>();
     assert_service::<LoadGait>();
 }
@@ -114,6 +115,7 @@ fn every_file_has_a_rust_type_and_is_built() {
             "msg/Gait.msg",
             "msg/JointCommand.msg",
             "msg/SolverReport.msg",
+            "srv/ClearFault.srv",
             "srv/GenerateGait.srv",
             "srv/LoadGait.srv",
         ],
