@@ -1,0 +1,514 @@
+//! The robot in MuJoCo: no ROS, no clock, no file. One thread, one seed, one trajectory.
+//!
+//! The model is written from the project's own robot description and steps at 0.5 ms with the implicit-in-velocity
+//! integrator. The drives are part of it: at every physics step they evaluate τ = kp (q_des − q) + kd (q̇_des − q̇) + τ_ff
+//! (Ma & Ames 2020, section IV) from the last command, limited to what the drives can give, as the robot's own drives do. A
+//! command that is not finite, or that is too old, leaves the joints damped (kp = 0).
+
+mod description;
+mod picture;
+mod random;
+mod terrain;
+
+pub use picture::{Camera, Image, PictureError, Renderer};
+pub use random::Random;
+pub use terrain::Terrain;
+
+use control::JointCommand;
+use gait::Gait;
+
+use mujoco_rs::prelude::{MjData, MjModel, MjtObjBase};
+use nalgebra::{Matrix3, Quaternion, UnitQuaternion, Vector3};
+use robot::Robot;
+
+/// The MuJoCo release that the bindings were made for.
+pub const MUJOCO_VERSION: &str = "3.17.0";
+/// Acceleration of free fall, m/s².
+pub const GRAVITY_M_S2: f64 = 9.81;
+/// Legs, and joints in all.
+const LEGS: usize = 4;
+const JOINTS: usize = 12;
+/// A body lower than this fraction of its first height has fallen.
+const FALLEN_HEIGHT_FRACTION: f64 = 0.6;
+/// A body tilted by more than this has fallen, rad.
+const FALLEN_TILT_RAD: f64 = 0.8;
+
+/// Why the simulator cannot be built or started.
+#[derive(Debug, thiserror::Error)]
+pub enum SimulatorError {
+    /// The library that was found is not the one that the bindings were made for.
+    #[error("MuJoCo's library is {found}, expected {MUJOCO_VERSION}: run launch-scripts/setup again")]
+    Version {
+        /// The version that the library says it is.
+        found: String,
+    },
+    /// The URDF holds something that the simulator cannot use.
+    #[error("robot description: {0}")]
+    Urdf(String),
+    /// An option is out of its range.
+    #[error("simulator option: {0}")]
+    Option(String),
+    /// MuJoCo refused the model that we wrote.
+    #[error("MuJoCo refused the robot's model: {0}")]
+    Model(String),
+    /// The gait belongs to another robot.
+    #[error(transparent)]
+    Gait(#[from] gait::GaitError),
+}
+
+/// What can be set when the simulator is built.
+#[derive(Clone, Debug, PartialEq)]
+pub struct SimulatorOptions {
+    /// Physics step, s.
+    pub timestep_s: f64,
+    /// Coefficient of sliding friction between toes and ground.
+    pub friction: f64,
+    /// The ground.
+    pub terrain: Terrain,
+    /// Names the random terrain and start noise.
+    pub seed: u64,
+    /// Standard deviation of the offset of every joint at a reset, rad.
+    pub joint_noise_rad: f64,
+    /// Simulated time after which a command is too old and the drives damp, s.
+    pub command_timeout_s: f64,
+    /// Pictures with shadows and smooth edges (about ten times slower to draw; the motion is the same).
+    pub fine_pictures: bool,
+}
+
+impl Default for SimulatorOptions {
+    fn default() -> Self {
+        Self {
+            timestep_s: 5e-4,
+            friction: 0.8,
+            terrain: Terrain::Flat,
+            seed: 0,
+            joint_noise_rad: 0.0,
+            command_timeout_s: 0.1,
+            fine_pictures: false,
+        }
+    }
+}
+
+impl SimulatorOptions {
+    fn check(&self) -> Result<(), SimulatorError> {
+        let limits = [
+            ("timestep_s", self.timestep_s, 1e-5, 2e-3),
+            ("friction", self.friction, 0.01, 5.0),
+            ("joint_noise_rad", self.joint_noise_rad, 0.0, 0.3),
+            ("command_timeout_s", self.command_timeout_s, 1e-3, 10.0),
+        ];
+        for (name, value, low, high) in limits {
+            if !(low..=high).contains(&value) {
+                return Err(SimulatorError::Option(format!("{name} is {value}, expected {low} to {high}")));
+            }
+        }
+        self.terrain.problem().map_or(Ok(()), |problem| Err(SimulatorError::Option(problem)))
+    }
+}
+
+/// A posture that the robot can be put down in.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Posture {
+    /// Legs at the robot's stand angles, toes on the ground.
+    Stand,
+    /// Legs folded, toes on the ground.
+    Sit,
+}
+
+/// A force on the base for a time.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Push {
+    /// Simulated time at which it begins, s.
+    pub start_s: f64,
+    /// How long it lasts, s.
+    pub duration_s: f64,
+    /// Force in world axes at the base's origin, N.
+    pub force_n: [f64; 3],
+}
+
+/// How the run has ended, if it has.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Fall {
+    /// The base is lower than 0.6 of its height at the reset.
+    Low,
+    /// The base is rolled or pitched by more than 0.8 rad.
+    Tilted,
+    /// A position or velocity is not a finite number.
+    NotFinite,
+}
+
+impl std::fmt::Display for Fall {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.write_str(match self {
+            Self::Low => "the body came down",
+            Self::Tilted => "the body tilted over",
+            Self::NotFinite => "the simulation diverged",
+        })
+    }
+}
+
+/// The robot at one instant. Legs and joints in the project's order.
+#[derive(Clone, Debug, PartialEq)]
+pub struct RobotState {
+    /// Physics steps since the reset.
+    pub step: u64,
+    /// Simulated time since the reset, s.
+    pub time_s: f64,
+    /// Base origin in the world, m.
+    pub base_position_m: [f64; 3],
+    /// Base orientation in the world, (x, y, z, w).
+    pub base_quaternion_xyzw: [f64; 4],
+    /// Velocity of the base origin in world axes, m/s.
+    pub base_linear_velocity_world: [f64; 3],
+    /// Angular velocity of the base in its own axes, rad/s.
+    pub base_angular_velocity_body: [f64; 3],
+    /// What an accelerometer at the base origin reads, in base axes, m/s².
+    pub base_specific_force_body: [f64; 3],
+    /// Joint positions, rad.
+    pub joint_position_rad: [f64; JOINTS],
+    /// Joint velocities, rad/s.
+    pub joint_velocity_rad_s: [f64; JOINTS],
+    /// Torques that the drives gave during the last physics step, Nm.
+    pub joint_torque_nm: [f64; JOINTS],
+    /// Ground forces on the toes during the last physics step, in world axes, N.
+    pub toe_force_n: [[f64; 3]; LEGS],
+}
+
+impl RobotState {
+    /// Roll, pitch and yaw of the base, rad, with R = Rz(yaw) Ry(pitch) Rx(roll).
+    pub fn roll_pitch_yaw(&self) -> [f64; 3] {
+        let [x, y, z, w] = self.base_quaternion_xyzw;
+        [
+            (2.0 * (w * x + y * z)).atan2(1.0 - 2.0 * (x * x + y * y)),
+            (2.0 * (w * y - z * x)).clamp(-1.0, 1.0).asin(),
+            (2.0 * (w * z + x * y)).atan2(1.0 - 2.0 * (y * y + z * z)),
+        ]
+    }
+}
+
+/// MuJoCo, the robot in it and its drives.
+pub struct Simulator {
+    data: MjData<Box<MjModel>>,
+    options: SimulatorOptions,
+    /// Index of each joint in MuJoCo's position and velocity vectors.
+    position_at: [usize; JOINTS],
+    velocity_at: [usize; JOINTS],
+    toe_geoms: [usize; LEGS],
+    base_body: usize,
+    toe_radius_m: f64,
+    torque_limit_nm: [f64; JOINTS],
+    stand_rad: [f64; JOINTS],
+    sit_rad: [f64; JOINTS],
+    robot_name: String,
+    joint_names: [String; JOINTS],
+    damping: JointCommand,
+    command: JointCommand,
+    commanded_at_step: Option<u64>,
+    rejected_commands: u64,
+    step: u64,
+    torque_nm: [f64; JOINTS],
+    pushes: Vec<Push>,
+    first_height_m: f64,
+    gravity: Vector3<f64>,
+}
+
+impl std::fmt::Debug for Simulator {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.debug_struct("Simulator")
+            .field("robot", &self.robot_name)
+            .field("options", &self.options)
+            .field("step", &self.step)
+            .finish_non_exhaustive()
+    }
+}
+
+impl Simulator {
+    /// Writes the robot's model, loads it into MuJoCo and puts the robot down standing.
+    pub fn new(robot: &Robot, options: SimulatorOptions) -> Result<Self, SimulatorError> {
+        let found = mujoco_rs::mujoco_version();
+        if found != MUJOCO_VERSION {
+            return Err(SimulatorError::Version { found: found.into() });
+        }
+        options.check()?;
+        let joint_names = robot.joint_names();
+        let toes: [String; LEGS] = std::array::from_fn(|leg| robot.model.frame_name(robot.legs[leg].toe).to_owned());
+        let names = description::Names { joints: &joint_names, toes: &toes };
+        let xml = description::mjcf(&robot.urdf, &names, &options)?;
+        let mut model = MjModel::from_xml_string(&xml).map_err(|e| SimulatorError::Model(e.to_string()))?;
+        let heights = options.terrain.heights(options.seed);
+        if !heights.is_empty() {
+            model.hfield_data_mut().copy_from_slice(&heights);
+        }
+        let id = |kind: MjtObjBase, name: &str| {
+            model
+                .name_to_id(kind, name)
+                .ok_or_else(|| SimulatorError::Model(format!("\"{name}\" is not in the model that we wrote")))
+        };
+        let mut position_at = [0; JOINTS];
+        let mut velocity_at = [0; JOINTS];
+        for (j, name) in joint_names.iter().enumerate() {
+            let joint = id(MjtObjBase::mjOBJ_JOINT, name)?;
+            position_at[j] = model.jnt_qposadr()[joint] as usize;
+            velocity_at[j] = model.jnt_dofadr()[joint] as usize;
+        }
+        let mut toe_geoms = [0; LEGS];
+        for (leg, name) in toes.iter().enumerate() {
+            toe_geoms[leg] = id(MjtObjBase::mjOBJ_GEOM, name)?;
+        }
+        let base_body = id(MjtObjBase::mjOBJ_BODY, description::BASE)?;
+        let per_joint = |of_leg: [f64; 3]| std::array::from_fn(|j| of_leg[j % 3]);
+        let damping = JointCommand {
+            position_rad: [0.0; JOINTS],
+            velocity_rad_s: [0.0; JOINTS],
+            kp: [0.0; JOINTS],
+            kd: per_joint(robot.gains.kd_nm_s_per_rad),
+            torque_nm: [0.0; JOINTS],
+        };
+        let gravity = Vector3::from(options.terrain.gravity_m_s2());
+        let mut simulator = Self {
+            data: MjData::new(Box::new(model)),
+            position_at,
+            velocity_at,
+            toe_geoms,
+            base_body,
+            toe_radius_m: robot.toe_radius_m,
+            torque_limit_nm: per_joint(robot.limits.drive_torque_nm),
+            stand_rad: robot.stand_rad(),
+            sit_rad: robot.sit_rad(),
+            robot_name: robot.name.clone(),
+            joint_names,
+            command: damping.clone(),
+            damping,
+            commanded_at_step: None,
+            rejected_commands: 0,
+            step: 0,
+            torque_nm: [0.0; JOINTS],
+            pushes: Vec::new(),
+            first_height_m: 0.0,
+            gravity,
+            options,
+        };
+        simulator.reset_to_posture(Posture::Stand);
+        Ok(simulator)
+    }
+
+    /// The options that the simulator was built with.
+    pub fn options(&self) -> &SimulatorOptions {
+        &self.options
+    }
+
+    /// Total mass in MuJoCo's model, kg.
+    pub fn total_mass_kg(&self) -> f64 {
+        self.data.model().totalmass()
+    }
+
+    /// Commands that were not finite or had a negative gain since the reset.
+    pub fn rejected_commands(&self) -> u64 {
+        self.rejected_commands
+    }
+
+    fn start_over(&mut self) {
+        self.data.reset();
+        self.step = 0;
+        self.command = self.damping.clone();
+        self.commanded_at_step = None;
+        self.rejected_commands = 0;
+        self.torque_nm = [0.0; JOINTS];
+        self.pushes.clear();
+    }
+
+    fn start_noise(&self) -> [f64; JOINTS] {
+        // Its own stream, so that the start does not depend on whether the terrain drew numbers too.
+        let mut random = Random::new(self.options.seed ^ 0x5eed_0000_0000_0001);
+        std::array::from_fn(|_| self.options.joint_noise_rad * random.normal())
+    }
+
+    /// Puts the robot down level at the world's origin, its lowest toe touching the ground, everything at rest. Pushes that
+    /// were set are forgotten.
+    pub fn reset_to_posture(&mut self, posture: Posture) {
+        self.start_over();
+        let angles = match posture {
+            Posture::Stand => self.stand_rad,
+            Posture::Sit => self.sit_rad,
+        };
+        let noise = self.start_noise();
+        let qpos = self.data.qpos_mut();
+        qpos[..7].copy_from_slice(&[0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0]);
+        for j in 0..JOINTS {
+            qpos[self.position_at[j]] = angles[j] + noise[j];
+        }
+        self.data.kinematics();
+        let lowest = self.toe_geoms.iter().map(|&toe| self.data.geom_xpos()[toe][2]).fold(f64::INFINITY, f64::min);
+        self.data.qpos_mut()[2] = self.toe_radius_m - lowest + self.options.terrain.lift_m();
+        self.first_height_m = -lowest;
+        self.data.forward();
+    }
+
+    /// Puts the robot down in the gait's initial state (its base height is above the floor, its base velocity in the world,
+    /// its angular velocity in the body). Pushes that were set are forgotten.
+    pub fn reset_to_gait(&mut self, gait: &Gait) -> Result<(), SimulatorError> {
+        gait.check_robot(&self.robot_name, &self.joint_names)?;
+        self.start_over();
+        let (initial, noise) = (&gait.initial, self.start_noise());
+        let [x, y, z] = initial.base_position_m;
+        let [qx, qy, qz, qw] = initial.base_quaternion_xyzw;
+        let qpos = self.data.qpos_mut();
+        qpos[..7].copy_from_slice(&[x, y, z + self.options.terrain.lift_m(), qw, qx, qy, qz]);
+        for j in 0..JOINTS {
+            qpos[self.position_at[j]] = initial.joint_position_rad[j] + noise[j];
+        }
+        let qvel = self.data.qvel_mut();
+        qvel[..3].copy_from_slice(&initial.base_linear_velocity_world);
+        qvel[3..6].copy_from_slice(&initial.base_angular_velocity_body);
+        for j in 0..JOINTS {
+            qvel[self.velocity_at[j]] = initial.joint_velocity_rad_s[j];
+        }
+        self.first_height_m = z - self.toe_radius_m;
+        self.data.forward();
+        Ok(())
+    }
+
+    /// Adds a push. It acts while start ≤ time < start + duration.
+    pub fn push(&mut self, push: Push) -> Result<(), SimulatorError> {
+        let numbers = [push.start_s, push.duration_s, push.force_n[0], push.force_n[1], push.force_n[2]];
+        if numbers.iter().any(|v| !v.is_finite()) || push.duration_s < 0.0 {
+            return Err(SimulatorError::Option(format!("push {push:?} needs finite numbers and a duration of 0 or more")));
+        }
+        self.pushes.push(push);
+        Ok(())
+    }
+
+    /// Gives the drives a new command, which they hold until the next. A command with a number that is not finite or with a
+    /// negative gain is refused: the drives damp until a good one comes, and the refusal is counted.
+    pub fn command(&mut self, command: &JointCommand) {
+        let lists = [&command.position_rad, &command.velocity_rad_s, &command.kp, &command.kd, &command.torque_nm];
+        let finite = lists.iter().all(|list| list.iter().all(|v| v.is_finite()));
+        let stiff = command.kp.iter().chain(&command.kd).all(|&gain| gain >= 0.0);
+        if finite && stiff {
+            self.command = command.clone();
+        } else {
+            self.rejected_commands += 1;
+            self.command = self.damping.clone();
+        }
+        self.commanded_at_step = Some(self.step);
+    }
+
+    /// Whether the drives damp for want of a command that is young enough.
+    pub fn command_is_stale(&self) -> bool {
+        self.commanded_at_step.is_none_or(|at| (self.step - at) as f64 * self.options.timestep_s >= self.options.command_timeout_s)
+    }
+
+    /// One physics step: the drives' law on the present joint state, its limits, pushes, MuJoCo.
+    pub fn step(&mut self) {
+        let command = if self.command_is_stale() { &self.damping } else { &self.command };
+        let (position, velocity) = self.joints();
+        let torque = command.torque(&position, &velocity);
+        for j in 0..JOINTS {
+            // A torque that is not finite can only come from a state that is not: it must not reach MuJoCo either.
+            let limited = torque[j].clamp(-self.torque_limit_nm[j], self.torque_limit_nm[j]);
+            self.torque_nm[j] = if limited.is_finite() { limited } else { 0.0 };
+        }
+        self.data.ctrl_mut().copy_from_slice(&self.torque_nm);
+        let now = self.time_s();
+        let mut wrench = [0.0; 6];
+        for push in self.pushes.iter().filter(|p| (p.start_s..p.start_s + p.duration_s).contains(&now)) {
+            for axis in 0..3 {
+                wrench[axis] += push.force_n[axis];
+            }
+        }
+        self.data.xfrc_applied_mut()[self.base_body] = wrench;
+        self.data.step();
+        self.step += 1;
+    }
+
+    /// Simulated time since the reset, s.
+    pub fn time_s(&self) -> f64 {
+        self.step as f64 * self.options.timestep_s
+    }
+
+    fn joints(&self) -> ([f64; JOINTS], [f64; JOINTS]) {
+        let (qpos, qvel) = (self.data.qpos(), self.data.qvel());
+        (std::array::from_fn(|j| qpos[self.position_at[j]]), std::array::from_fn(|j| qvel[self.velocity_at[j]]))
+    }
+
+    /// The robot now. Torques and forces are those of the last physics step.
+    pub fn state(&self) -> RobotState {
+        let (qpos, qvel, sensors) = (self.data.qpos(), self.data.qvel(), self.data.sensordata());
+        let (joint_position_rad, joint_velocity_rad_s) = self.joints();
+        RobotState {
+            step: self.step,
+            time_s: self.time_s(),
+            base_position_m: [qpos[0], qpos[1], qpos[2]],
+            base_quaternion_xyzw: [qpos[4], qpos[5], qpos[6], qpos[3]],
+            base_linear_velocity_world: [qvel[0], qvel[1], qvel[2]],
+            base_angular_velocity_body: [qvel[3], qvel[4], qvel[5]],
+            base_specific_force_body: [sensors[0], sensors[1], sensors[2]],
+            joint_position_rad,
+            joint_velocity_rad_s,
+            joint_torque_nm: self.torque_nm,
+            toe_force_n: self.toe_forces(),
+        }
+    }
+
+    /// Orientation of the base against the true vertical, (x, y, z, w): what an inertial measurement unit reports. It is the
+    /// base's orientation in the world except on slopes, where the world's z axis is the ground's normal.
+    pub fn imu_quaternion_xyzw(&self) -> [f64; 4] {
+        let qpos = self.data.qpos();
+        let in_world = UnitQuaternion::from_quaternion(Quaternion::new(qpos[3], qpos[4], qpos[5], qpos[6]));
+        let upright = UnitQuaternion::rotation_between(&-self.gravity, &Vector3::z()).unwrap_or_default();
+        let q = upright * in_world;
+        [q.i, q.j, q.k, q.w]
+    }
+
+    /// Centres of the toe spheres in the world, m.
+    pub fn toe_positions_m(&self) -> [[f64; 3]; LEGS] {
+        self.toe_geoms.map(|toe| self.data.geom_xpos()[toe])
+    }
+
+    fn toe_forces(&self) -> [[f64; 3]; LEGS] {
+        let mut forces = [[0.0; 3]; LEGS];
+        for (i, contact) in self.data.contact().iter().enumerate() {
+            for (leg, &toe) in self.toe_geoms.iter().enumerate() {
+                // The normal, first row of the contact frame, points from the first geom to the second.
+                let sign = match toe as i32 {
+                    t if t == contact.geom[1] => 1.0,
+                    t if t == contact.geom[0] => -1.0,
+                    _ => continue,
+                };
+                let force = self.data.contact_force(i);
+                let frame = Matrix3::from_row_slice(&contact.frame);
+                let in_world = frame.transpose() * Vector3::new(force[0], force[1], force[2]) * sign;
+                for axis in 0..3 {
+                    forces[leg][axis] += in_world[axis];
+                }
+            }
+        }
+        forces
+    }
+
+    /// Whether the robot has fallen, judged on the present state.
+    pub fn fallen(&self) -> Option<Fall> {
+        let (qpos, qvel) = (self.data.qpos(), self.data.qvel());
+        if qpos.iter().chain(qvel).any(|v| !v.is_finite()) {
+            return Some(Fall::NotFinite);
+        }
+        let state = self.state();
+        let [roll, pitch, _] = state.roll_pitch_yaw();
+        if roll.abs().max(pitch.abs()) > FALLEN_TILT_RAD {
+            return Some(Fall::Tilted);
+        }
+        let height = qpos[2] - self.options.terrain.ground_m(qpos[0]);
+        (height < FALLEN_HEIGHT_FRACTION * self.first_height_m).then_some(Fall::Low)
+    }
+
+    /// Height of the base above the toe centres of a robot that stands on the ground below it, m.
+    pub fn height_m(&self) -> f64 {
+        let qpos = self.data.qpos();
+        qpos[2] - self.toe_radius_m - self.options.terrain.ground_m(qpos[0])
+    }
+
+    /// MuJoCo's data, for drawing.
+    fn data_mut(&mut self) -> &mut MjData<Box<MjModel>> {
+        &mut self.data
+    }
+}

@@ -1,0 +1,140 @@
+//! What the robot walks on.
+
+use super::random::Random;
+
+/// Shape of the ground. Slopes turn gravity instead of the floor, so the world's x-y plane is always the ground plane and a
+/// gait's initial state means the same everywhere.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Terrain {
+    /// A level plane at z = 0.
+    Flat,
+    /// A plane that rises along +x by `uphill_rad` and along +y by `sideways_rad`.
+    Slope {
+        /// Inclination along +x, rad.
+        uphill_rad: f64,
+        /// Inclination along +y, rad.
+        sideways_rad: f64,
+    },
+    /// Bumps of random height between 0 and `height_m` on a square grid, 24 m by 24 m about the origin.
+    Rough {
+        /// Highest bump, m.
+        height_m: f64,
+        /// Side of a grid cell, m.
+        cell_m: f64,
+    },
+    /// A flight of ten stairs upwards along +x that begins 1 m in front of the origin.
+    Steps {
+        /// Rise of a stair, m.
+        rise_m: f64,
+        /// Depth of a stair, m.
+        run_m: f64,
+    },
+}
+
+/// Half the side of the rough field, m.
+const ROUGH_HALF_SIDE_M: f64 = 12.0;
+/// Where the first stair begins, m.
+const STAIRS_START_M: f64 = 1.0;
+const STAIRS: usize = 10;
+/// Half the width of the stairs, m.
+const STAIRS_HALF_WIDTH_M: f64 = 3.0;
+/// How far the landing above the last stair reaches, m.
+const LANDING_M: f64 = 20.0;
+
+impl Terrain {
+    /// The first thing wrong with the terrain's numbers, for the user.
+    pub fn problem(&self) -> Option<String> {
+        let outside = |name: &str, value: f64, low: f64, high: f64, unit: &str| {
+            (!(low..=high).contains(&value))
+                .then(|| format!("terrain {name} is {value} {unit}, expected {low} to {high} {unit}"))
+        };
+        match *self {
+            Self::Flat => None,
+            Self::Slope { uphill_rad, sideways_rad } => outside("uphill slope", uphill_rad.to_degrees(), -45.0, 45.0, "degrees")
+                .or_else(|| outside("sideways slope", sideways_rad.to_degrees(), -45.0, 45.0, "degrees")),
+            Self::Rough { height_m, cell_m } => outside("bump height", height_m, 0.001, 0.3, "m")
+                .or_else(|| outside("bump cell", cell_m, 0.02, 2.0, "m")),
+            Self::Steps { rise_m, run_m } => {
+                outside("stair rise", rise_m, 0.005, 0.3, "m").or_else(|| outside("stair depth", run_m, 0.1, 2.0, "m"))
+            }
+        }
+    }
+
+    /// Gravity in world axes, m/s².
+    pub(super) fn gravity_m_s2(&self) -> [f64; 3] {
+        let (pitch, roll) = match *self {
+            Self::Slope { uphill_rad, sideways_rad } => (uphill_rad, sideways_rad),
+            _ => (0.0, 0.0),
+        };
+        [-pitch.sin() * roll.cos(), -roll.sin(), -pitch.cos() * roll.cos()].map(|g| g * super::GRAVITY_M_S2)
+    }
+
+    /// How far above the nominal floor a robot is put down so that no toe starts inside the ground, m.
+    pub(super) fn lift_m(&self) -> f64 {
+        match *self {
+            Self::Rough { height_m, .. } => height_m,
+            _ => 0.0,
+        }
+    }
+
+    /// Height that counts as "the ground" for judging a fall of a body at `x`, m.
+    pub(super) fn ground_m(&self, x: f64) -> f64 {
+        match *self {
+            Self::Rough { height_m, .. } => height_m,
+            Self::Steps { rise_m, run_m } => {
+                rise_m * ((x - STAIRS_START_M) / run_m).ceil().clamp(0.0, STAIRS as f64)
+            }
+            _ => 0.0,
+        }
+    }
+
+    /// Rows and columns of the rough field's grid and the side of its square, m.
+    fn grid(cell_m: f64) -> (usize, usize) {
+        // A cell is drawn with two samples a side at least, or MuJoCo's triangles would turn the blocks into a smooth hill.
+        let samples_per_cell = 2;
+        let cells = (2.0 * ROUGH_HALF_SIDE_M / cell_m).round().max(1.0) as usize;
+        (cells * samples_per_cell, samples_per_cell)
+    }
+
+    /// MJCF for `<asset>` and for `<worldbody>`.
+    pub(super) fn mjcf(&self) -> (String, String) {
+        let plane = |z: f64| format!(r#"<geom name="floor" type="plane" size="0 0 0.5" pos="0 0 {z}" material="floor"/>"#);
+        match *self {
+            Self::Flat | Self::Slope { .. } => (String::new(), plane(0.0)),
+            Self::Rough { height_m, cell_m } => {
+                let (n, _) = Self::grid(cell_m);
+                (
+                    format!(r#"<hfield name="rough" nrow="{n}" ncol="{n}" size="{ROUGH_HALF_SIDE_M} {ROUGH_HALF_SIDE_M} {height_m} 0.1"/>"#),
+                    // The plane lies just under the field, for a robot that walks off it.
+                    format!(r#"{}<geom name="rough" type="hfield" hfield="rough" material="floor"/>"#, plane(-0.002)),
+                )
+            }
+            Self::Steps { rise_m, run_m } => {
+                let mut boxes = plane(0.0);
+                for stair in 0..STAIRS {
+                    let front = STAIRS_START_M + run_m * stair as f64;
+                    let back = STAIRS_START_M + run_m * STAIRS as f64 + LANDING_M;
+                    let half_height = 0.5 * rise_m;
+                    boxes += &format!(
+                        r#"<geom type="box" size="{} {STAIRS_HALF_WIDTH_M} {half_height}" pos="{} 0 {}" material="stair{}"/>"#,
+                        0.5 * (back - front),
+                        0.5 * (back + front),
+                        rise_m * stair as f64 + half_height,
+                        stair % 2
+                    );
+                }
+                (String::new(), boxes)
+            }
+        }
+    }
+
+    /// Heights of the rough field's samples as fractions of its height, row by row; empty for other terrains.
+    pub(super) fn heights(&self, seed: u64) -> Vec<f32> {
+        let Self::Rough { cell_m, .. } = *self else { return Vec::new() };
+        let (n, per_cell) = Self::grid(cell_m);
+        let cells = n / per_cell;
+        let mut random = Random::new(seed);
+        let heights: Vec<f32> = (0..cells * cells).map(|_| random.uniform() as f32).collect();
+        (0..n * n).map(|i| heights[(i / n / per_cell) * cells + (i % n) / per_cell]).collect()
+    }
+}
