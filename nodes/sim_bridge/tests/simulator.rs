@@ -85,7 +85,11 @@ fn accelerations_in_flight_agree_with_our_own_dynamics() {
     }
     for j in 0..12 {
         let theirs = (after.joint_velocity_rad_s[j] - before.joint_velocity_rad_s[j]) / dt;
-        assert!((theirs - ours[6 + j]).abs() < 1e-6 * (1.0 + ours[6 + j].abs()), "joint {j}: {theirs} and {}", ours[6 + j]);
+        assert!(
+            (theirs - ours[6 + j]).abs() < 1e-6 * (1.0 + ours[6 + j].abs()),
+            "joint {j}: {theirs} and {}",
+            ours[6 + j]
+        );
     }
 }
 
@@ -264,7 +268,11 @@ fn the_robot_stands_on_every_terrain() {
         let mut sim = simulator(SimulatorOptions { terrain, seed: 3, ..SimulatorOptions::default() });
         run(&mut sim, 1.5, |_| hold(stand));
         assert_eq!(sim.fallen(), None, "{terrain:?}");
-        assert!(sim.state().toe_force_n.iter().filter(|f| f[2] > 5.0).count() >= 3, "{terrain:?} {:?}", sim.state().toe_force_n);
+        assert!(
+            sim.state().toe_force_n.iter().filter(|f| f[2] > 5.0).count() >= 3,
+            "{terrain:?} {:?}",
+            sim.state().toe_force_n
+        );
     }
 }
 
@@ -297,8 +305,14 @@ fn bad_options_are_named() {
     for (options, expected) in [
         (SimulatorOptions { friction: f64::NAN, ..default() }, "friction is NaN"),
         (SimulatorOptions { timestep_s: 0.1, ..default() }, "timestep_s is 0.1"),
-        (SimulatorOptions { terrain: Terrain::Slope { uphill_rad: 1.5, sideways_rad: 0.0 }, ..default() }, "uphill slope"),
-        (SimulatorOptions { terrain: Terrain::Rough { height_m: -1.0, cell_m: 0.1 }, ..default() }, "bump height is -1"),
+        (
+            SimulatorOptions { terrain: Terrain::Slope { uphill_rad: 1.5, sideways_rad: 0.0 }, ..default() },
+            "uphill slope",
+        ),
+        (
+            SimulatorOptions { terrain: Terrain::Rough { height_m: -1.0, cell_m: 0.1 }, ..default() },
+            "bump height is -1",
+        ),
     ] {
         let error = Simulator::new(&robot, options).unwrap_err().to_string();
         assert!(error.contains(expected), "{error}");
@@ -331,7 +345,12 @@ fn pictures_show_the_whole_robot() {
         let count = |test: &dyn Fn(usize, usize) -> bool| {
             (0..image.height).flat_map(|y| (0..image.width).map(move |x| (x, y))).filter(|&(x, y)| test(x, y)).count()
         };
-        assert!(count(&dark) > 2000 && count(&orange) > 200, "{camera:?}: {} dark, {} orange", count(&dark), count(&orange));
+        assert!(
+            count(&dark) > 2000 && count(&orange) > 200,
+            "{camera:?}: {} dark, {} orange",
+            count(&dark),
+            count(&orange)
+        );
         for x in 0..image.width {
             for y in [0, image.height - 1] {
                 assert!(!dark(x, y) && !orange(x, y), "{camera:?}: the robot touches the edge at {x}, {y}");

@@ -123,11 +123,9 @@ impl<'a> Writer<'a> {
 
     fn link(&mut self, name: &str) -> Result<(), SimulatorError> {
         let robot = self.robot;
-        let link = robot
-            .links
-            .iter()
-            .find(|l| l.name == name)
-            .ok_or_else(|| SimulatorError::Urdf(format!("a joint names the link \"{name}\", which the URDF does not have")))?;
+        let link = robot.links.iter().find(|l| l.name == name).ok_or_else(|| {
+            SimulatorError::Urdf(format!("a joint names the link \"{name}\", which the URDF does not have"))
+        })?;
         self.inertial(link);
         self.shapes(link)?;
         for joint in robot.joints.iter().filter(|j| j.parent.link == name) {
@@ -184,7 +182,9 @@ pub(super) fn mjcf(urdf: &str, names: &Names, options: &SimulatorOptions) -> Res
     writer.link(root)?;
     let (bodies, joints_met) = (writer.text, writer.joints_met);
     if let Some(missing) = names.joints.iter().find(|n| !joints_met.contains(n.as_str())) {
-        return Err(SimulatorError::Urdf(format!("joint \"{missing}\" of the robot file is not a moving joint of the URDF")));
+        return Err(SimulatorError::Urdf(format!(
+            "joint \"{missing}\" of the robot file is not a moving joint of the URDF"
+        )));
     }
     let link_names: HashSet<&str> = robot.links.iter().map(|l| l.name.as_str()).collect();
     if let Some(missing) = names.toes.iter().find(|n| !link_names.contains(n.as_str())) {

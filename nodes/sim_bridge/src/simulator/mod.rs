@@ -372,7 +372,9 @@ impl Simulator {
     pub fn push(&mut self, push: Push) -> Result<(), SimulatorError> {
         let numbers = [push.start_s, push.duration_s, push.force_n[0], push.force_n[1], push.force_n[2]];
         if numbers.iter().any(|v| !v.is_finite()) || push.duration_s < 0.0 {
-            return Err(SimulatorError::Option(format!("push {push:?} needs finite numbers and a duration of 0 or more")));
+            return Err(SimulatorError::Option(format!(
+                "push {push:?} needs finite numbers and a duration of 0 or more"
+            )));
         }
         self.pushes.push(push);
         Ok(())
@@ -395,7 +397,8 @@ impl Simulator {
 
     /// Whether the drives damp for want of a command that is young enough.
     pub fn command_is_stale(&self) -> bool {
-        self.commanded_at_step.is_none_or(|at| (self.step - at) as f64 * self.options.timestep_s >= self.options.command_timeout_s)
+        self.commanded_at_step
+            .is_none_or(|at| (self.step - at) as f64 * self.options.timestep_s >= self.options.command_timeout_s)
     }
 
     /// One physics step: the drives' law on the present joint state, its limits, pushes, MuJoCo.

@@ -51,7 +51,10 @@ mod tests {
 
     #[test]
     fn one_seed_one_sequence() {
-        let sequence = |seed| { let mut r = Random::new(seed); [r.uniform(), r.normal(), r.uniform()] };
+        let sequence = |seed| {
+            let mut r = Random::new(seed);
+            [r.uniform(), r.normal(), r.uniform()]
+        };
         assert_eq!(sequence(3), sequence(3));
         assert_ne!(sequence(3), sequence(4));
     }

@@ -50,8 +50,10 @@ impl Terrain {
         };
         match *self {
             Self::Flat => None,
-            Self::Slope { uphill_rad, sideways_rad } => outside("uphill slope", uphill_rad.to_degrees(), -45.0, 45.0, "degrees")
-                .or_else(|| outside("sideways slope", sideways_rad.to_degrees(), -45.0, 45.0, "degrees")),
+            Self::Slope { uphill_rad, sideways_rad } => {
+                outside("uphill slope", uphill_rad.to_degrees(), -45.0, 45.0, "degrees")
+                    .or_else(|| outside("sideways slope", sideways_rad.to_degrees(), -45.0, 45.0, "degrees"))
+            }
             Self::Rough { height_m, cell_m } => outside("bump height", height_m, 0.001, 0.3, "m")
                 .or_else(|| outside("bump cell", cell_m, 0.02, 2.0, "m")),
             Self::Steps { rise_m, run_m } => {
@@ -81,9 +83,7 @@ impl Terrain {
     pub(super) fn ground_m(&self, x: f64) -> f64 {
         match *self {
             Self::Rough { height_m, .. } => height_m,
-            Self::Steps { rise_m, run_m } => {
-                rise_m * ((x - STAIRS_START_M) / run_m).ceil().clamp(0.0, STAIRS as f64)
-            }
+            Self::Steps { rise_m, run_m } => rise_m * ((x - STAIRS_START_M) / run_m).ceil().clamp(0.0, STAIRS as f64),
             _ => 0.0,
         }
     }
@@ -98,13 +98,16 @@ impl Terrain {
 
     /// MJCF for `<asset>` and for `<worldbody>`.
     pub(super) fn mjcf(&self) -> (String, String) {
-        let plane = |z: f64| format!(r#"<geom name="floor" type="plane" size="0 0 0.5" pos="0 0 {z}" material="floor"/>"#);
+        let plane =
+            |z: f64| format!(r#"<geom name="floor" type="plane" size="0 0 0.5" pos="0 0 {z}" material="floor"/>"#);
         match *self {
             Self::Flat | Self::Slope { .. } => (String::new(), plane(0.0)),
             Self::Rough { height_m, cell_m } => {
                 let (n, _) = Self::grid(cell_m);
                 (
-                    format!(r#"<hfield name="rough" nrow="{n}" ncol="{n}" size="{ROUGH_HALF_SIDE_M} {ROUGH_HALF_SIDE_M} {height_m} 0.1"/>"#),
+                    format!(
+                        r#"<hfield name="rough" nrow="{n}" ncol="{n}" size="{ROUGH_HALF_SIDE_M} {ROUGH_HALF_SIDE_M} {height_m} 0.1"/>"#
+                    ),
                     // The plane lies just under the field, for a robot that walks off it.
                     format!(r#"{}<geom name="rough" type="hfield" hfield="rough" material="floor"/>"#, plane(-0.002)),
                 )

@@ -1,0 +1,207 @@
+//! The node over real DDS between two processes: this test is the controller's side, the program built here is the bridge.
+
+use gait::{Gait, StepSide};
+use robot::Robot;
+use ros::{Arguments, Node, Qos};
+use std::path::Path;
+use std::process::{Child, Command, Stdio};
+use std::sync::mpsc::{Receiver, channel};
+use std::time::{Duration, Instant};
+use tandem_msgs::JointCommand;
+use tandem_msgs::sensor_msgs::JointState;
+use tandem_msgs::std_srvs::{SetBool, SetBoolRequest, Trigger, TriggerRequest};
+
+const PERIOD_NS: i64 = 1_000_000;
+const PATIENCE: Duration = Duration::from_secs(20);
+
+struct Bridge(Child);
+
+impl Bridge {
+    /// The bridge in a domain of its own, on this machine only.
+    fn start(domain: u16, parameters: &[&str]) -> Self {
+        let mut command = Command::new(env!("CARGO_BIN_EXE_tandem_sim_bridge"));
+        command.arg("--ros-args");
+        let robot = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../config/robots/vision60");
+        let robot = format!("robot:={}", robot.display());
+        // The last value of a parameter is the one that holds.
+        for parameter in ["mode:=lockstep", &robot].iter().chain(parameters) {
+            command.args(["-p", parameter]);
+        }
+        command
+            .env("ROS_DOMAIN_ID", domain.to_string())
+            .env("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
+            .stderr(Stdio::piped());
+        Self(command.spawn().unwrap())
+    }
+
+    fn wait(mut self) -> (bool, String) {
+        let start = Instant::now();
+        while self.0.try_wait().unwrap().is_none() {
+            assert!(start.elapsed() < PATIENCE, "the bridge did not end");
+            std::thread::sleep(Duration::from_millis(20));
+        }
+        let mut text = String::new();
+        std::io::Read::read_to_string(self.0.stderr.as_mut().unwrap(), &mut text).unwrap();
+        (self.0.wait().unwrap().success(), text)
+    }
+}
+
+impl Drop for Bridge {
+    fn drop(&mut self) {
+        // Already ended is as good.
+        let _ = self.0.kill();
+        let _ = self.0.wait();
+    }
+}
+
+fn node(name: &str, domain: u16) -> Node {
+    Node::start(name, &Arguments::default().with_domain_id(domain)).unwrap()
+}
+
+fn states(node: &Node) -> Receiver<JointState> {
+    let (sender, receiver) = channel();
+    node.subscribe("joint_states", Qos::reliable(10), move |state: JointState| {
+        // The test may have ended.
+        let _ = sender.send(state);
+    })
+    .unwrap();
+    receiver
+}
+
+fn call_pause(node: &Node, paused: bool) {
+    let answer = node.client::<SetBool>("pause").unwrap().call(SetBoolRequest { data: paused }, PATIENCE).unwrap();
+    assert!(answer.success, "{}", answer.message);
+}
+
+/// Runs the amble's law against a bridge for `cycles` periods and returns every state.
+fn walk(domain: u16, cycles: usize) -> Vec<JointState> {
+    let gait = Gait::from_json(include_str!("data/amble.json")).unwrap();
+    let _bridge =
+        Bridge::start(domain, &["start_paused:=true", "initial_posture:=stand", "joint_noise_rad:=0.01", "seed:=7"]);
+    let node = node("test_controller", domain);
+    let received = states(&node);
+    let commands = node.publisher::<JointCommand>("joint_command", Qos::reliable(10)).unwrap();
+    let mut history: Vec<JointState> = Vec::new();
+    let mut released = false;
+    while history.len() < cycles {
+        let state = received.recv_timeout(PATIENCE).expect("a joint state");
+        let stamp_ns = state.header.stamp.nanoseconds();
+        let is_new = history.last().is_none_or(|last| last.header.stamp != state.header.stamp);
+        if let Some(last) = history.last() {
+            let expected = last.header.stamp.nanoseconds() + if is_new { PERIOD_NS } else { 0 };
+            assert_eq!(stamp_ns, expected, "lockstep loses no period");
+        }
+        let steps = stamp_ns as f64 * 1e-9 / gait.step_duration_s;
+        let index = steps.floor();
+        let (position, velocity) = gait.reference(StepSide::of_step(index as u64), steps - index);
+        let mut command = JointCommand {
+            name: state.name.clone(),
+            position: position.to_vec(),
+            velocity: velocity.to_vec(),
+            kp: gait.kp.to_vec(),
+            kd: gait.kd.to_vec(),
+            torque: vec![0.0; 12],
+            ..Default::default()
+        };
+        command.header.stamp = state.header.stamp;
+        commands.publish(command).unwrap();
+        if is_new {
+            history.push(state);
+        }
+        if !released {
+            call_pause(&node, false);
+            released = true;
+        }
+    }
+    history
+}
+
+#[test]
+fn two_runs_of_one_seed_are_the_same_to_the_bit() {
+    let first = walk(41, 1500);
+    let second = walk(41, 1500);
+    assert_eq!(first.len(), second.len());
+    for (a, b) in first.iter().zip(&second) {
+        assert_eq!(a, b, "at {:?}", a.header.stamp);
+    }
+    // And it moved.
+    let distance = first.iter().map(|s| (s.position[2] - first[0].position[2]).abs()).fold(0.0, f64::max);
+    assert!(distance > 0.2, "{distance} rad at a knee");
+    assert!(first.last().unwrap().effort.iter().any(|t| t.abs() > 1.0));
+}
+
+#[test]
+fn without_a_controller_lockstep_ends_with_one_clear_error() {
+    let (success, text) = Bridge::start(42, &["lockstep_timeout_s:=1.0"]).wait();
+    assert!(!success);
+    assert!(text.contains("no command with stamp 0.001000 s came on joint_command within 1 s"), "{text}");
+    assert!(text.contains("Is the controller running"), "{text}");
+}
+
+#[test]
+fn pause_step_and_reset_do_what_they_say() {
+    let bridge = Bridge::start(43, &["start_paused:=true", "initial_posture:=stand"]);
+    let node = node("test_client", 43);
+    let received = states(&node);
+    let commands = node.publisher::<JointCommand>("joint_command", Qos::reliable(10)).unwrap();
+    let answer_all = |for_at_least: Duration| {
+        let end = Instant::now() + for_at_least;
+        let mut last = None;
+        while Instant::now() < end {
+            let Ok(state) = received.recv_timeout(Duration::from_millis(10)) else { continue };
+            let mut command = JointCommand {
+                name: state.name.clone(),
+                position: state.position.clone(),
+                velocity: vec![0.0; 12],
+                kp: vec![100.0; 12],
+                kd: vec![5.0; 12],
+                torque: vec![0.0; 12],
+                ..Default::default()
+            };
+            command.header.stamp = state.header.stamp;
+            commands.publish(command).unwrap();
+            last = Some(state);
+        }
+        last.expect("a joint state")
+    };
+    let deadline = Instant::now() + PATIENCE;
+    while node.publisher_count("joint_states") == 0 && Instant::now() < deadline {
+        std::thread::sleep(Duration::from_millis(20));
+    }
+    let still = answer_all(Duration::from_millis(1500));
+    assert_eq!(still.header.stamp.nanoseconds(), PERIOD_NS, "paused: no time passes");
+    let step = node.client::<Trigger>("step").unwrap();
+    assert!(step.call(TriggerRequest::default(), PATIENCE).unwrap().success);
+    assert_eq!(answer_all(Duration::from_millis(500)).header.stamp.nanoseconds(), 2 * PERIOD_NS);
+    call_pause(&node, false);
+    let running = answer_all(Duration::from_millis(500));
+    assert!(running.header.stamp.nanoseconds() > 10 * PERIOD_NS);
+    assert!(!step.call(TriggerRequest::default(), PATIENCE).unwrap().success, "no single steps while it runs");
+    call_pause(&node, true);
+    let before = answer_all(Duration::from_millis(300));
+    let reset = node.client::<Trigger>("reset").unwrap();
+    assert!(reset.call(TriggerRequest::default(), PATIENCE).unwrap().success);
+    let after = answer_all(Duration::from_millis(300));
+    assert_eq!(
+        after.header.stamp.nanoseconds(),
+        before.header.stamp.nanoseconds() + PERIOD_NS,
+        "time does not go back"
+    );
+    assert_eq!(after.position, still.position, "the same start");
+    drop(bridge);
+}
+
+#[test]
+fn a_bad_parameter_is_one_clear_error() {
+    for (parameter, expected) in [
+        ("mode:=warp", "expected one of"),
+        ("friction:=-1.0", "friction"),
+        ("control_period_s:=0.00075", "no multiple of timestep_s"),
+        ("robot:=nowhere", "nowhere"),
+    ] {
+        let (success, text) = Bridge::start(44, &[parameter]).wait();
+        assert!(!success, "{parameter}");
+        let lines: Vec<&str> = text.lines().filter(|l| l.contains("tandem_sim_bridge:")).collect();
+        assert!(lines.len() == 1 && lines[0].contains(expected), "{parameter}: {text}");
+    }
+}
