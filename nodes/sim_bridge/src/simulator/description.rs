@@ -134,7 +134,7 @@ impl<'a> Writer<'a> {
                 JointType::Fixed => {}
                 JointType::Revolute | JointType::Continuous => {
                     let axis = Vector3::from(joint.axis.xyz.0);
-                    if !(axis.norm() > 1e-9) {
+                    if axis.norm() < 1e-9 {
                         return Err(SimulatorError::Urdf(format!("joint \"{}\" has the axis 0 0 0", joint.name)));
                     }
                     let range = if joint.joint_type == JointType::Revolute {

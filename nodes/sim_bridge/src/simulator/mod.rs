@@ -277,7 +277,7 @@ impl Simulator {
             sit_rad: robot.sit_rad(),
             robot_name: robot.name.clone(),
             joint_names,
-            command: damping.clone(),
+            command: damping,
             damping,
             commanded_at_step: None,
             rejected_commands: 0,
@@ -310,7 +310,7 @@ impl Simulator {
     fn start_over(&mut self) {
         self.data.reset();
         self.step = 0;
-        self.command = self.damping.clone();
+        self.command = self.damping;
         self.commanded_at_step = None;
         self.rejected_commands = 0;
         self.torque_nm = [0.0; JOINTS];
@@ -387,10 +387,10 @@ impl Simulator {
         let finite = lists.iter().all(|list| list.iter().all(|v| v.is_finite()));
         let stiff = command.kp.iter().chain(&command.kd).all(|&gain| gain >= 0.0);
         if finite && stiff {
-            self.command = command.clone();
+            self.command = *command;
         } else {
             self.rejected_commands += 1;
-            self.command = self.damping.clone();
+            self.command = self.damping;
         }
         self.commanded_at_step = Some(self.step);
     }
