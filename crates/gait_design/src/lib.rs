@@ -11,12 +11,14 @@
 //! ```
 
 mod biped;
+mod condensed;
 mod guess;
 mod program;
 mod recompose;
 mod request;
 
 pub use biped::Bipeds;
+pub use condensed::Condensed;
 pub use guess::Unreachable;
 pub use program::{DecomposedProgram, ProgramSettings};
 pub use recompose::PlanPoint;
@@ -36,6 +38,18 @@ pub struct PlanOptions {
     pub program: ProgramSettings,
     /// The solver's settings.
     pub solver: Settings,
+    /// How the convex subproblems are solved.
+    pub subproblem: SubproblemSolver,
+}
+
+/// How the program's convex subproblems are solved. Both give the same steps.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum SubproblemSolver {
+    /// By elimination of the program's structure ([`Condensed`]).
+    #[default]
+    Condensed,
+    /// By Clarabel, as one sparse program: the reference.
+    Sparse,
 }
 
 impl Default for PlanOptions {
@@ -47,7 +61,7 @@ impl Default for PlanOptions {
             // Costs are about 0.05; Clarabel's tolerances are absolute.
             objective_scale: 1e3,
         };
-        Self { program: ProgramSettings::default(), solver }
+        Self { program: ProgramSettings::default(), solver, subproblem: SubproblemSolver::default() }
     }
 }
 
@@ -111,7 +125,11 @@ pub fn plan(
     let bipeds = Bipeds::new(robot)?;
     let mut program = DecomposedProgram::new(robot, bipeds, request, options.program.clone());
     let start = guess::nominal(robot, &mut program, request)?;
-    let solution = SqpSolver::new(options.solver.clone())?.solve(&mut program, &start, progress)?;
+    let solver = SqpSolver::new(options.solver.clone())?;
+    let solution = match options.subproblem {
+        SubproblemSolver::Condensed => solver.solve_with(&mut program, &mut Condensed::default(), &start, progress)?,
+        SubproblemSolver::Sparse => solver.solve(&mut program, &start, progress)?,
+    };
     if solution.status != Status::Converged {
         return Err(not_converged(solution));
     }

@@ -14,8 +14,8 @@ use robot::Robot;
 /// Coordinates of a biped.
 pub(crate) const DOF: usize = 12;
 /// Outputs of the front biped: its six joints.
-const OUTPUTS: usize = 6;
-const COEFFICIENTS: usize = bezier::DEGREE + 1;
+pub(crate) const OUTPUTS: usize = 6;
+pub(crate) const COEFFICIENTS: usize = bezier::DEGREE + 1;
 
 /// Where α, T and the points' quantities lie in the vector of unknowns.
 pub(crate) mod layout {
@@ -86,7 +86,7 @@ impl Default for ProgramSettings {
 }
 
 /// Rows of one point's block, in order.
-mod rows {
+pub(crate) mod rows {
     /// D_f q̈_f + H_f − J_f2ᵀ λ2 − B u_f + J_cᵀ λc = 0.
     pub const FRONT: usize = 0;
     /// First six rows of D_r q̈_r + H_r − J_r1ᵀ λ1 − J_cᵀ λc = 0.
@@ -115,7 +115,7 @@ mod rows {
 const JOINTS: [&str; 3] = ["hip roll", "hip pitch", "knee"];
 const BASE: [&str; 6] = ["x", "y", "z", "roll", "pitch", "yaw"];
 /// The output (stance hip roll of leg 2) whose ÿ row the fixed distance of the stance toes makes redundant.
-const STANCE_ROLL: usize = 3;
+pub(crate) const STANCE_ROLL: usize = 3;
 
 /// Sign of x, y, z, roll, pitch, yaw under the left–right mirror.
 pub(crate) const BASE_MIRROR: [f64; 6] = [1.0, -1.0, 1.0, -1.0, 1.0, -1.0];
@@ -208,6 +208,23 @@ impl DecomposedProgram {
         &mut self.bipeds
     }
 
+    pub(crate) fn dynamics(&self, point: usize) -> &PointDynamics {
+        &self.dynamics[point]
+    }
+
+    pub(crate) fn speed_m_s(&self) -> f64 {
+        self.speed_m_s
+    }
+
+    pub(crate) fn friction_face(&self) -> f64 {
+        self.friction_face
+    }
+
+    /// The objective's terms: (unknown, weight, centre).
+    pub(crate) fn weights(&self) -> &[(usize, f64, f64)] {
+        &self.weights
+    }
+
     /// s = t / T of a point.
     pub(crate) fn phase(&self, point: usize) -> f64 {
         point as f64 / (self.points() - 1) as f64
@@ -215,7 +232,7 @@ impl DecomposedProgram {
 
     /// Points that keep the ÿ row of the stance hip roll: with y = ẏ = 0 at the first point four determine its six
     /// coefficients, and every further one repeats the fixed distance of the stance toes.
-    fn keeps_stance_roll(&self, point: usize) -> bool {
+    pub(crate) fn keeps_stance_roll(&self, point: usize) -> bool {
         (1..=4).any(|k| (k * (self.points() - 1)) / 5 == point)
     }
 
@@ -334,15 +351,15 @@ impl DecomposedProgram {
         self.weights.iter().map(|&(i, weight, centre)| weight * (x[i] - centre).powi(2)).sum()
     }
 
-    fn start_of_intervals(&self) -> usize {
+    pub(crate) fn start_of_intervals(&self) -> usize {
         rows::COUNT * self.points()
     }
 
-    fn start_of_first(&self) -> usize {
+    pub(crate) fn start_of_first(&self) -> usize {
         self.start_of_intervals() + rows::INTERVAL * (self.points() / 2)
     }
 
-    fn start_of_boundary(&self) -> usize {
+    pub(crate) fn start_of_boundary(&self) -> usize {
         self.start_of_first() + rows::FIRST
     }
 
@@ -432,7 +449,7 @@ impl DecomposedProgram {
     }
 
     /// Coordinate `i` of the front biped in the next step, mirrored back to this one's: which coordinate and which sign.
-    fn mirror(&self, i: usize) -> (usize, f64) {
+    pub(crate) fn mirror(&self, i: usize) -> (usize, f64) {
         match i {
             0..6 => (i, BASE_MIRROR[i]),
             6..9 => (i + 3, self.mirror_sign[i - 6]),

@@ -189,3 +189,23 @@ fn a_cancelled_plan_says_so() {
     let e = plan(&robot, &request, &PlanOptions::default(), |_| ControlFlow::Break(())).unwrap_err();
     assert!(matches!(e, PlanError::NotConverged { status: Status::Cancelled, .. }), "{e}");
 }
+
+#[test]
+fn the_condensed_subproblem_walks_the_sparse_one_s_path_to_the_same_optimum() {
+    let robot = vision60();
+    for name in behaviours() {
+        let request = GaitRequest::named(name, &robot).unwrap();
+        let mut program =
+            DecomposedProgram::new(&robot, Bipeds::new(&robot).unwrap(), &request, ProgramSettings::default());
+        let start = guess::nominal(&robot, &mut program, &request).unwrap();
+        let solver = SqpSolver::new(PlanOptions::default().solver).unwrap();
+        let sparse = solver.solve(&mut program, &start, go_on).unwrap();
+        let condensed = solver.solve_with(&mut program, &mut Condensed::default(), &start, go_on).unwrap();
+        assert_eq!(condensed.status, Status::Converged, "{name}");
+        assert_eq!(sparse.iterations(), condensed.iterations(), "{name}");
+        assert!((sparse.objective - condensed.objective).abs() < 1e-8, "{name}");
+        for (a, b) in sparse.log.iter().zip(&condensed.log) {
+            assert!((a.objective - b.objective).abs() < 1e-6, "{name}, iteration {}: {a:?}, {b:?}", a.number);
+        }
+    }
+}

@@ -68,6 +68,45 @@ pub trait Problem {
     fn variable_name(&self, column: usize) -> String;
 }
 
+/// A step of sequential quadratic programming.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Step {
+    /// p, one entry a variable.
+    pub step: Vec<f64>,
+    /// Multipliers, where the subproblem's solver computes them.
+    pub multipliers: Option<Multipliers>,
+    /// Iterations of the subproblem's solver.
+    pub iterations: u32,
+}
+
+/// Multipliers of a subproblem: positive at an upper bound, negative at a lower one.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Multipliers {
+    /// One a constraint.
+    pub constraints: Vec<f64>,
+    /// One a variable.
+    pub variables: Vec<f64>,
+}
+
+/// Why a subproblem gave no step.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+pub enum SubproblemError {
+    /// The linearised constraints contradict each other.
+    #[error("its linearised constraints contradict each other")]
+    Infeasible,
+    /// Its solver stopped short.
+    #[error("its solver stopped: {0}")]
+    Stopped(String),
+}
+
+/// Solves the convex subproblems of [`crate::SqpSolver`]:
+/// minimise ½ pᵀ H p + ∇fᵀ p subject to g_L ≤ c + J p ≤ g_U, x_L ≤ x + p ≤ x_U.
+pub trait Subproblem<P: Problem> {
+    /// The step at `x`, where `problem` has just been evaluated to `at`. `constraints` is c: g(x), or what a second-order
+    /// correction puts in its place.
+    fn solve(&mut self, problem: &P, x: &[f64], at: &Evaluation, constraints: &[f64]) -> Result<Step, SubproblemError>;
+}
+
 /// A problem that contradicts itself before the first iteration.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum ProblemError {

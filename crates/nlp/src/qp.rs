@@ -7,7 +7,7 @@
 //! and its elastic variant, in which each constraint may be broken at a price, for when the linearised constraints
 //! contradict each other.
 
-use crate::problem::{Evaluation, Problem};
+use crate::problem::{Evaluation, Multipliers, Problem, Step, Subproblem, SubproblemError};
 use clarabel::algebra::CscMatrix;
 use clarabel::solver::{
     DefaultSettings, DefaultSettingsBuilder, DefaultSolver, IPSolver, NonnegativeConeT, SolverStatus, ZeroConeT,
@@ -30,29 +30,6 @@ enum Row {
     VariableUpper(usize),
     VariableLower(usize),
     SlackNonnegative,
-}
-
-/// Solution of one subproblem.
-pub(crate) struct Step {
-    /// p.
-    pub step: Vec<f64>,
-    /// Multiplier of every constraint: positive at the upper bound, negative at the lower.
-    pub constraint_multipliers: Vec<f64>,
-    /// Multiplier of every variable's bounds, same sign.
-    pub variable_multipliers: Vec<f64>,
-    /// Interior-point iterations that Clarabel took.
-    pub iterations: u32,
-}
-
-/// Why no step was found.
-#[derive(Debug, thiserror::Error)]
-pub(crate) enum QpError {
-    /// The linearised constraints contradict each other.
-    #[error("its linearised constraints contradict each other")]
-    Infeasible,
-    /// Clarabel stopped short; its own words.
-    #[error("Clarabel stopped with {0}")]
-    Stopped(String),
 }
 
 pub(crate) struct Qp {
@@ -164,16 +141,10 @@ impl Qp {
             scale,
         }
     }
+}
 
-    /// The step at `x`. `constraints` is the value the rows are linearised about: g(x), or the corrected one of a
-    /// second-order correction.
-    pub fn solve(
-        &mut self,
-        problem: &impl Problem,
-        x: &[f64],
-        at: &Evaluation,
-        constraints: &[f64],
-    ) -> Result<Step, QpError> {
+impl<P: Problem> Subproblem<P> for Qp {
+    fn solve(&mut self, problem: &P, x: &[f64], at: &Evaluation, constraints: &[f64]) -> Result<Step, SubproblemError> {
         for (value, &k) in self.hessian.nzval.iter_mut().zip(&self.hessian_nonzeros) {
             *value = self.scale * at.hessian[k];
         }
@@ -200,11 +171,11 @@ impl Qp {
         if let Some(solver) = &mut self.solver {
             solver
                 .update_data(&self.hessian, &self.linear, &self.matrix, &self.right)
-                .map_err(|e| QpError::Stopped(e.to_string()))?;
+                .map_err(|e| SubproblemError::Stopped(e.to_string()))?;
         } else {
             let cones = [ZeroConeT(self.equalities), NonnegativeConeT(self.rows.len() - self.equalities)];
             let solver = DefaultSolver::new(&self.hessian, &self.linear, &self.matrix, &self.right, &cones, settings())
-                .map_err(|e| QpError::Stopped(e.to_string()))?;
+                .map_err(|e| SubproblemError::Stopped(e.to_string()))?;
             self.solver = Some(Box::new(solver));
         }
         let solver = self.solver.as_mut().expect("made above");
@@ -212,29 +183,31 @@ impl Qp {
         let solution = &solver.solution;
         match solution.status {
             SolverStatus::Solved | SolverStatus::AlmostSolved => {}
-            SolverStatus::PrimalInfeasible | SolverStatus::AlmostPrimalInfeasible => return Err(QpError::Infeasible),
-            status => return Err(QpError::Stopped(format!("{status:?}"))),
+            SolverStatus::PrimalInfeasible | SolverStatus::AlmostPrimalInfeasible => {
+                return Err(SubproblemError::Infeasible);
+            }
+            status => return Err(SubproblemError::Stopped(format!("Clarabel says {status:?}"))),
         }
         if solution.x.iter().chain(&solution.z).any(|v| !v.is_finite()) {
-            return Err(QpError::Stopped("the solution is not a number".into()));
+            return Err(SubproblemError::Stopped("the solution is not a number".into()));
         }
-        let mut step = Step {
-            step: solution.x[..self.variables].to_vec(),
-            constraint_multipliers: vec![0.0; self.constraints],
-            variable_multipliers: vec![0.0; self.variables],
-            iterations: solution.iterations,
-        };
+        let mut multipliers =
+            Multipliers { constraints: vec![0.0; self.constraints], variables: vec![0.0; self.variables] };
         for (row, z) in self.rows.iter().zip(&solution.z) {
             let z = z / self.scale;
             match *row {
-                Row::ConstraintEqual(i) | Row::ConstraintUpper(i) => step.constraint_multipliers[i] += z,
-                Row::ConstraintLower(i) => step.constraint_multipliers[i] -= z,
-                Row::VariableEqual(i) | Row::VariableUpper(i) => step.variable_multipliers[i] += z,
-                Row::VariableLower(i) => step.variable_multipliers[i] -= z,
+                Row::ConstraintEqual(i) | Row::ConstraintUpper(i) => multipliers.constraints[i] += z,
+                Row::ConstraintLower(i) => multipliers.constraints[i] -= z,
+                Row::VariableEqual(i) | Row::VariableUpper(i) => multipliers.variables[i] += z,
+                Row::VariableLower(i) => multipliers.variables[i] -= z,
                 Row::SlackNonnegative => {}
             }
         }
-        Ok(step)
+        Ok(Step {
+            step: solution.x[..self.variables].to_vec(),
+            multipliers: Some(multipliers),
+            iterations: solution.iterations,
+        })
     }
 }
 

@@ -1,8 +1,10 @@
 //! Sequential quadratic programming with an ℓ₁ merit function, a second-order correction and an elastic mode
 //! (Nocedal & Wright, Numerical Optimization, 2nd ed., sections 18.3–18.5 and algorithm 18.3).
 
-use crate::problem::{Evaluation, Problem, ProblemError, check, outside};
-use crate::qp::{Qp, QpError, Step};
+use crate::problem::{
+    Evaluation, Multipliers, Problem, ProblemError, Step, Subproblem, SubproblemError, check, outside,
+};
+use crate::qp::Qp;
 use std::ops::ControlFlow;
 
 /// When to stop and how.
@@ -84,8 +86,10 @@ pub struct Iteration {
     pub objective: f64,
     /// Largest violation there.
     pub max_violation: f64,
-    /// Largest entry of the Lagrangian's gradient there, with this iteration's multipliers.
-    pub stationarity: f64,
+    /// What the subproblem promises to gain of the objective, were its constraints already satisfied.
+    pub predicted_decrease: f64,
+    /// Largest entry of the Lagrangian's gradient there, where the subproblem's solver computes multipliers.
+    pub stationarity: Option<f64>,
     /// Fraction of the subproblem's step that was taken.
     pub step_length: f64,
     /// Largest entry of the step.
@@ -107,8 +111,8 @@ pub struct Solution {
     pub objective: f64,
     /// The most broken constraint there.
     pub worst: Violation,
-    /// Multiplier of every constraint: positive at its upper bound, negative at its lower.
-    pub multipliers: Vec<f64>,
+    /// Multipliers of the last subproblem, where its solver computes them.
+    pub multipliers: Option<Multipliers>,
     /// Every iteration.
     pub log: Vec<Iteration>,
 }
@@ -149,10 +153,25 @@ impl SqpSolver {
         Ok(Self { settings })
     }
 
-    /// Solves from `start` (moved inside the variables' bounds first). `progress` sees every iteration and may stop it.
+    /// Solves from `start` (moved inside the variables' bounds first), the subproblems by Clarabel. `progress` sees every
+    /// iteration and may stop it.
     pub fn solve<P: Problem>(
         &self,
         problem: &mut P,
+        start: &[f64],
+        progress: impl FnMut(&Iteration) -> ControlFlow<()>,
+    ) -> Result<Solution, ProblemError> {
+        check(problem, start)?;
+        let mut subproblem = Qp::new(problem, false, self.settings.objective_scale);
+        self.solve_with(problem, &mut subproblem, start, progress)
+    }
+
+    /// [`Self::solve`] with a solver of the subproblems that knows the problem's structure. Where it finds no step, Clarabel
+    /// solves the subproblem with the constraints relaxed.
+    pub fn solve_with<P: Problem>(
+        &self,
+        problem: &mut P,
+        subproblem: &mut impl Subproblem<P>,
         start: &[f64],
         mut progress: impl FnMut(&Iteration) -> ControlFlow<()>,
     ) -> Result<Solution, ProblemError> {
@@ -163,11 +182,10 @@ impl SqpSolver {
             (0..n).map(|i| start[i].clamp(bounds.variable_lower[i], bounds.variable_upper[i])).collect();
         let mut at = Evaluation::new(problem);
         problem.evaluate(&x, &mut at);
-        let mut strict = Qp::new(problem, false, self.settings.objective_scale);
         let mut elastic: Option<Qp> = None;
         let mut elastic_price = 10.0_f64;
         let mut prices = vec![0.0; m];
-        let mut multipliers = vec![0.0_f64; m];
+        let mut multipliers: Option<Multipliers> = None;
         let mut log: Vec<Iteration> = Vec::new();
         let mut trial = vec![0.0; n];
         let mut trial_constraints = vec![0.0; m];
@@ -178,11 +196,11 @@ impl SqpSolver {
                 break Status::NumericalTrouble { reason: "a value or derivative is not a number".into() };
             }
             let max_violation = (0..m).map(|i| violation(&at.constraints, i)).fold(0.0, f64::max);
-            let (step, relaxed) = match strict.solve(problem, &x, &at, &at.constraints) {
+            let (step, relaxed) = match subproblem.solve(problem, &x, &at, &at.constraints) {
                 Ok(step) => (step, false),
                 // Clarabel proves infeasibility of a nearly infeasible subproblem only slowly; the elastic variant,
                 // which always has a solution, decides in both cases.
-                Err(QpError::Infeasible | QpError::Stopped(_)) => {
+                Err(SubproblemError::Infeasible | SubproblemError::Stopped(_)) => {
                     let qp = elastic.get_or_insert_with(|| Qp::new(problem, true, 1.0));
                     qp.price = elastic_price;
                     match qp.solve(problem, &x, &at, &at.constraints) {
@@ -193,19 +211,20 @@ impl SqpSolver {
                     }
                 }
             };
-            let stationarity = stationarity(problem, &at, &step);
-            multipliers.copy_from_slice(&step.constraint_multipliers);
-            if !relaxed {
+            let stationarity = step.multipliers.as_ref().map(|m| stationarity(problem, &at, m));
+            if let (Some(m), false) = (&step.multipliers, relaxed) {
                 // Well above the multipliers, so that nothing is broken that need not be. (Those of a relaxed subproblem
                 // are the price itself.)
-                elastic_price = multipliers.iter().fold(elastic_price, |a, l| a.max(10.0 * l.abs()));
+                elastic_price = m.constraints.iter().fold(elastic_price, |a, l| a.max(10.0 * l.abs()));
             }
+            multipliers.clone_from(&step.multipliers);
             let slope: f64 = at.gradient.iter().zip(&step.step).map(|(g, p)| g * p).sum();
             let curvature = quadratic(problem, &at, &step.step);
             let mut iteration = Iteration {
                 number: log.len() as u32 + 1,
                 objective: at.objective,
                 max_violation,
+                predicted_decrease: -(slope + 0.5 * curvature),
                 stationarity,
                 step_length: 0.0,
                 step_norm: step.step.iter().fold(0.0, |a: f64, p| a.max(p.abs())),
@@ -214,7 +233,8 @@ impl SqpSolver {
             };
             let scale = at.objective.abs().max(1.0);
             let feasible = max_violation <= self.settings.constraint_tolerance;
-            if !relaxed && feasible && (slope + 0.5 * curvature).abs() <= self.settings.objective_tolerance * scale {
+            let gained = iteration.predicted_decrease.abs() <= self.settings.objective_tolerance * scale;
+            if !relaxed && feasible && gained {
                 log.push(iteration);
                 break Status::Converged;
             }
@@ -222,9 +242,18 @@ impl SqpSolver {
                 break Status::IterationLimit;
             }
 
-            // Powell's rule: each price at least its multiplier, falling slowly where it was larger.
-            for (price, multiplier) in prices.iter_mut().zip(&multipliers) {
-                *price = multiplier.abs().max(0.5 * (*price + multiplier.abs()));
+            if let Some(multipliers) = &step.multipliers {
+                // Powell's rule: each price at least its multiplier, falling slowly where it was larger.
+                for (price, multiplier) in prices.iter_mut().zip(&multipliers.constraints) {
+                    *price = multiplier.abs().max(0.5 * (*price + multiplier.abs()));
+                }
+            } else {
+                // One price for all, so high that the step descends (Nocedal & Wright, 18.36, with ρ = ½).
+                let broken: f64 = (0..m).map(|i| violation(&at.constraints, i)).sum();
+                let needed = if broken > 0.0 { 2.0 * (slope + 0.5 * curvature) / broken } else { 0.0 };
+                if needed > prices.first().copied().unwrap_or(0.0) {
+                    prices.fill(2.0 * needed);
+                }
             }
             let merit =
                 |objective: f64, g: &[f64]| objective + (0..m).map(|i| prices[i] * violation(g, i)).sum::<f64>();
@@ -250,7 +279,7 @@ impl SqpSolver {
                 if length == 1.0 && !relaxed && !corrected {
                     corrected = true;
                     if let Some(p) =
-                        self.second_order_correction(problem, &mut strict, &x, &at, &step, &trial_constraints)
+                        self.second_order_correction(problem, subproblem, &x, &at, &step, &trial_constraints)
                     {
                         for i in 0..n {
                             trial[i] = (x[i] + p[i]).clamp(bounds.variable_lower[i], bounds.variable_upper[i]);
@@ -295,7 +324,7 @@ impl SqpSolver {
     fn second_order_correction<P: Problem>(
         &self,
         problem: &P,
-        qp: &mut Qp,
+        subproblem: &mut impl Subproblem<P>,
         x: &[f64],
         at: &Evaluation,
         step: &Step,
@@ -309,7 +338,7 @@ impl SqpSolver {
             shifted[row] -= value * step.step[column];
         }
         // A correction that cannot be had is no failure: the line search goes on without it.
-        qp.solve(problem, x, at, &shifted).ok().map(|s| s.step)
+        subproblem.solve(problem, x, at, &shifted).ok().map(|s| s.step)
     }
 
     fn broken<P: Problem>(&self, problem: &P, at: &Evaluation) -> Vec<Violation> {
@@ -360,12 +389,12 @@ fn quadratic<P: Problem>(problem: &P, at: &Evaluation, p: &[f64]) -> f64 {
 }
 
 /// Largest entry of ∇f + Jᵀ λ + bound multipliers.
-fn stationarity<P: Problem>(problem: &P, at: &Evaluation, step: &Step) -> f64 {
+fn stationarity<P: Problem>(problem: &P, at: &Evaluation, multipliers: &Multipliers) -> f64 {
     let mut r = at.gradient.clone();
     for (&(row, column), value) in problem.jacobian_pattern().0.iter().zip(&at.jacobian) {
-        r[column] += value * step.constraint_multipliers[row];
+        r[column] += value * multipliers.constraints[row];
     }
-    r.iter().zip(&step.variable_multipliers).fold(0.0, |a: f64, (r, z)| a.max((r + z).abs()))
+    r.iter().zip(&multipliers.variables).fold(0.0, |a: f64, (r, z)| a.max((r + z).abs()))
 }
 
 #[cfg(test)]

@@ -112,11 +112,11 @@ fn timed(robot: &robot::Robot, request: &GaitRequest, verbose: bool) -> Result<P
     let mut plan = gait_design::plan(robot, request, &PlanOptions::default(), |i| {
         if verbose {
             println!(
-                "  iteration {:3}  objective {:.6e}  violation {:.1e}  stationarity {:.1e}  step {:.3}{}",
+                "  iteration {:3}  objective {:.6e}  violation {:.1e}  to gain {:.1e}  step {:.3}{}",
                 i.number,
                 i.objective,
                 i.max_violation,
-                i.stationarity,
+                i.predicted_decrease,
                 i.step_length,
                 if i.elastic { "  (constraints relaxed)" } else { "" }
             );
