@@ -24,7 +24,7 @@ def wait_until(condition, seconds, what):
         value = condition()
         if value:
             return value
-        assert time.monotonic() < deadline, f"after {seconds} s still not: {what}"
+        assert time.monotonic() < deadline, f"after {seconds} s still not: {what() if callable(what) else what}"
         time.sleep(0.02)
 
 

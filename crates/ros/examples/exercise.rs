@@ -42,8 +42,8 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
         .declare()?;
     node.warn_of_unused_parameters();
 
-    let output = node.publisher::<Gait>("output", Qos::reliable(10))?;
-    node.subscribe::<Gait>("input", Qos::reliable(10), move |message| {
+    let output = node.publisher::<Gait>("output", Qos::reliable(100))?;
+    node.subscribe::<Gait>("input", Qos::reliable(100), move |message| {
         if let Err(error) = output.publish(message) {
             tracing::error!("{error}");
         }
