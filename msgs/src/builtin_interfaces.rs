@@ -27,18 +27,9 @@ impl Time {
     pub fn from_nanoseconds(nanoseconds: i64) -> Self {
         let seconds = nanoseconds.div_euclid(NANOSECONDS_PER_SECOND);
         match i32::try_from(seconds) {
-            Ok(sec) => Time {
-                sec,
-                nanosec: nanoseconds.rem_euclid(NANOSECONDS_PER_SECOND) as u32,
-            },
-            Err(_) if seconds < 0 => Time {
-                sec: i32::MIN,
-                nanosec: 0,
-            },
-            Err(_) => Time {
-                sec: i32::MAX,
-                nanosec: 999_999_999,
-            },
+            Ok(sec) => Time { sec, nanosec: nanoseconds.rem_euclid(NANOSECONDS_PER_SECOND) as u32 },
+            Err(_) if seconds < 0 => Time { sec: i32::MIN, nanosec: 0 },
+            Err(_) => Time { sec: i32::MAX, nanosec: 999_999_999 },
         }
     }
 

@@ -111,10 +111,5 @@ messages! { "geometry_msgs";
 
 impl Quaternion {
     /// No rotation.
-    pub const IDENTITY: Quaternion = Quaternion {
-        x: 0.0,
-        y: 0.0,
-        z: 0.0,
-        w: 1.0,
-    };
+    pub const IDENTITY: Quaternion = Quaternion { x: 0.0, y: 0.0, z: 0.0, w: 1.0 };
 }

@@ -4,9 +4,7 @@ use serde::de::DeserializeOwned;
 use serde::{Deserialize, Serialize};
 
 /// A message: a structure with a name that ROS 2 knows.
-pub trait Message:
-    Serialize + DeserializeOwned + FieldType + Clone + Send + Sync + 'static
-{
+pub trait Message: Serialize + DeserializeOwned + FieldType + Clone + Send + Sync + 'static {
     /// The package, such as `sensor_msgs`.
     const PACKAGE: &'static str;
     /// The name in the package, such as `JointState`.

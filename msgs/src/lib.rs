@@ -19,6 +19,7 @@ pub mod diagnostic_msgs;
 pub mod geometry_msgs;
 pub mod lifecycle_msgs;
 pub mod nav_msgs;
+pub mod ports;
 pub mod rcl_interfaces;
 pub mod rosgraph_msgs;
 pub mod sensor_msgs;
@@ -28,7 +29,6 @@ pub mod tandem_msgs;
 pub mod tf2_msgs;
 pub mod unique_identifier_msgs;
 
-pub use interface::{
-    Action, Covariance, Field, FieldType, Message, Optional, Service, TooMany, definition,
-};
+pub use interface::{Action, Covariance, Field, FieldType, Message, Optional, Service, TooMany, definition};
+pub use ports::GaitMessageError;
 pub use tandem_msgs::*;

@@ -41,17 +41,11 @@ service! {
 impl TriggerResponse {
     /// It was done.
     pub fn done(message: impl Into<String>) -> Self {
-        TriggerResponse {
-            success: true,
-            message: message.into(),
-        }
+        TriggerResponse { success: true, message: message.into() }
     }
 
     /// It was not done, and why.
     pub fn refused(message: impl Into<String>) -> Self {
-        TriggerResponse {
-            success: false,
-            message: message.into(),
-        }
+        TriggerResponse { success: false, message: message.into() }
     }
 }

@@ -109,6 +109,18 @@ messages! { "tandem_msgs";
         /// 12 entries, Nm.
         commanded_torque_nm: Vec<f64>,
     }
+    /// Which fault to clear.
+    ClearFaultRequest {
+        /// The fault's name, as in [`ControllerState::fault`].
+        name: String,
+    }
+    /// Whether it was cleared.
+    ClearFaultResponse {
+        /// Cleared.
+        success: bool,
+        /// For people: what remains, or why it was refused.
+        message: String,
+    }
     /// What gait to plan. Empty: the behaviour's or the robot's own value; at most one of the three rates.
     GenerateGaitRequest {
         /// gait1, gait2, gait3, gait4, amble, or another name in the planner's library.
@@ -151,18 +163,6 @@ messages! { "tandem_msgs";
         /// For people: what was wrong.
         message: String,
     }
-    /// Which fault to clear.
-    ClearFaultRequest {
-        /// Its name, as the controller's state shows it.
-        name: String,
-    }
-    /// Whether it was cleared.
-    ClearFaultResponse {
-        /// Cleared.
-        success: bool,
-        /// For people: what was cleared, or why not.
-        message: String,
-    }
     /// The action's feedback: one iteration of the solver.
     GenerateGaitFeedback {
         /// Outer iterations done.
@@ -183,12 +183,12 @@ service! {
     "tandem_msgs" GenerateGait: GenerateGaitRequest -> GenerateGaitResponse
 }
 service! {
-    /// Loads a gait file's text.
-    "tandem_msgs" LoadGait: LoadGaitRequest -> LoadGaitResponse
+    /// Clears one latched fault by its name.
+    "tandem_msgs" ClearFault: ClearFaultRequest -> ClearFaultResponse
 }
 service! {
-    /// Clears one latched fault of the controller.
-    "tandem_msgs" ClearFault: ClearFaultRequest -> ClearFaultResponse
+    /// Loads a gait file's text.
+    "tandem_msgs" LoadGait: LoadGaitRequest -> LoadGaitResponse
 }
 
 /// Plans a gait, with progress, cancellable. Goal and result have the fields of the service of the same name.

@@ -3,15 +3,14 @@
 use std::path::Path;
 
 use tandem_msgs::{
-    Action, ClearFault, ControllerState, Gait, GenerateGait, GenerateGaitAction, JointCommand, LoadGait,
-    Message, Service, SolverReport, definition,
+    Action, ClearFault, ControllerState, Gait, GenerateGait, GenerateGaitAction, JointCommand, LoadGait, Message,
+    Service, SolverReport, definition,
 };
 
 /// The fields of a definition file's sections (one for a message, two for a service, three for an action).
 fn sections(path: &str) -> Vec<Vec<(String, String)>> {
     let path = Path::new(env!("CARGO_MANIFEST_DIR")).join(path);
-    let text = std::fs::read_to_string(&path)
-        .unwrap_or_else(|error| panic!("{}: {error}", path.display()));
+    let text = std::fs::read_to_string(&path).unwrap_or_else(|error| panic!("{}: {error}", path.display()));
     text.split("\n---\n")
         .map(|section| {
             section
@@ -19,9 +18,8 @@ fn sections(path: &str) -> Vec<Vec<(String, String)>> {
                 .map(|line| line.split('#').next().unwrap_or_default().trim())
                 .filter(|line| !line.is_empty())
                 .map(|line| {
-                    let (type_name, name) = line
-                        .split_once(' ')
-                        .unwrap_or_else(|| panic!("{line}: expected 'type name'"));
+                    let (type_name, name) =
+                        line.split_once(' ').unwrap_or_else(|| panic!("{line}: expected 'type name'"));
                     (name.trim().to_string(), type_name.to_string())
                 })
                 .collect()
@@ -31,36 +29,18 @@ fn sections(path: &str) -> Vec<Vec<(String, String)>> {
 
 /// The same from the Rust type; types of the own package stand without its name, as a definition file may write them.
 fn rust_fields<M: Message>() -> Vec<(String, String)> {
-    M::fields()
-        .into_iter()
-        .map(|field| {
-            (
-                field.name.to_string(),
-                field.type_name.replace("tandem_msgs/", ""),
-            )
-        })
-        .collect()
+    M::fields().into_iter().map(|field| (field.name.to_string(), field.type_name.replace("tandem_msgs/", ""))).collect()
 }
 
 #[track_caller]
 fn assert_message<M: Message>() {
-    assert_eq!(
-        sections(&format!("msg/{}.msg", M::NAME)),
-        [rust_fields::<M>()],
-        "{}",
-        M::NAME
-    );
+    assert_eq!(sections(&format!("msg/{}.msg", M::NAME)), [rust_fields::<M>()], "{}", M::NAME);
 }
 
 #[track_caller]
 fn assert_service<S: Service>() {
     let file = sections(&format!("srv/{}.srv", S::NAME));
-    assert_eq!(
-        file,
-        [rust_fields::<S::Request>(), rust_fields::<S::Response>()],
-        "{}",
-        S::NAME
-    );
+    assert_eq!(file, [rust_fields::<S::Request>(), rust_fields::<S::Response>()], "{}", S::NAME);
 }
 
 #[test]
@@ -93,17 +73,11 @@ fn actions_match_their_files() {
 
 #[test]
 fn every_file_has_a_rust_type_and_is_built() {
-    let cmake =
-        std::fs::read_to_string(Path::new(env!("CARGO_MANIFEST_DIR")).join("CMakeLists.txt"))
-            .unwrap();
+    let cmake = std::fs::read_to_string(Path::new(env!("CARGO_MANIFEST_DIR")).join("CMakeLists.txt")).unwrap();
     let mut found = Vec::new();
     for folder in ["msg", "srv", "action"] {
-        for entry in std::fs::read_dir(Path::new(env!("CARGO_MANIFEST_DIR")).join(folder)).unwrap()
-        {
-            found.push(format!(
-                "{folder}/{}",
-                entry.unwrap().file_name().to_string_lossy()
-            ));
+        for entry in std::fs::read_dir(Path::new(env!("CARGO_MANIFEST_DIR")).join(folder)).unwrap() {
+            found.push(format!("{folder}/{}", entry.unwrap().file_name().to_string_lossy()));
         }
     }
     found.sort();
@@ -122,10 +96,7 @@ fn every_file_has_a_rust_type_and_is_built() {
         "a new definition file needs its Rust type and a test above"
     );
     for file in found {
-        assert!(
-            cmake.contains(&format!("\"{file}\"")),
-            "CMakeLists.txt does not build {file}"
-        );
+        assert!(cmake.contains(&format!("\"{file}\"")), "CMakeLists.txt does not build {file}");
     }
 }
 
@@ -133,23 +104,11 @@ fn every_file_has_a_rust_type_and_is_built() {
 fn a_definition_carries_each_nested_message_once() {
     let text = definition::<Gait>();
     let rule = "=".repeat(80);
-    for nested in [
-        "std_msgs/Header",
-        "builtin_interfaces/Time",
-        "geometry_msgs/Pose",
-        "geometry_msgs/Vector3",
-    ] {
-        assert_eq!(
-            text.matches(&format!("{rule}\nMSG: {nested}\n")).count(),
-            1,
-            "{nested}"
-        );
+    for nested in ["std_msgs/Header", "builtin_interfaces/Time", "geometry_msgs/Pose", "geometry_msgs/Vector3"] {
+        assert_eq!(text.matches(&format!("{rule}\nMSG: {nested}\n")).count(), 1, "{nested}");
     }
     assert!(text.starts_with("std_msgs/Header header\nuint32 version\n"));
     assert!(text.contains("float64[] coefficients_rad\n"));
     let trigger = definition::<tandem_msgs::std_srvs::TriggerRequest>();
-    assert_eq!(
-        trigger, "",
-        "the byte that ROS 2 adds is no field of the definition"
-    );
+    assert_eq!(trigger, "", "the byte that ROS 2 adds is no field of the definition");
 }

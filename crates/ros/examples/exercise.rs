@@ -16,30 +16,16 @@ use tandem_msgs::{Gait, GenerateGait, GenerateGaitResponse};
 fn main() -> Result<(), Box<dyn std::error::Error>> {
     let (arguments, _) = Arguments::from_process()?;
     let node = Node::start("exercise", &arguments)?;
-    let delay_ms = node
-        .parameter("delay_ms", 0_i64)
-        .description("How long a response takes, ms.")
-        .range(0, 1000)
-        .declare()?;
-    let _fixed = node
-        .parameter("fixed", "as started".to_string())
-        .read_only()
-        .declare()?;
+    let delay_ms =
+        node.parameter("delay_ms", 0_i64).description("How long a response takes, ms.").range(0, 1000).declare()?;
+    let _fixed = node.parameter("fixed", "as started".to_string()).read_only().declare()?;
     let _gain = node
         .parameter("gain", 1.0)
         .description("A number.")
         .range(0.0, 10.0)
-        .validate("not 7", |value| {
-            if *value == 7.0 {
-                Err("7 is taken".to_string())
-            } else {
-                Ok(())
-            }
-        })
+        .validate("not 7", |value| if *value == 7.0 { Err("7 is taken".to_string()) } else { Ok(()) })
         .declare()?;
-    let _names = node
-        .parameter("group.names", vec!["a".to_string()])
-        .declare()?;
+    let _names = node.parameter("group.names", vec!["a".to_string()]).declare()?;
     node.warn_of_unused_parameters();
 
     let output = node.publisher::<Gait>("output", Qos::reliable(100))?;
@@ -55,27 +41,19 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
         }
     })?;
     let description = node.publisher::<Text>("description", Qos::latched())?;
-    description.publish(Text {
-        data: "a robot".to_string(),
-    })?;
+    description.publish(Text { data: "a robot".to_string() })?;
 
     let mut calls = 0_u32;
     node.serve::<SetBool>("count", move |request| {
         std::thread::sleep(Duration::from_millis(delay_ms.get().unsigned_abs()));
         calls += 1;
-        SetBoolResponse {
-            success: request.data,
-            message: calls.to_string(),
-        }
+        SetBoolResponse { success: request.data, message: calls.to_string() }
     })?;
     node.serve::<GenerateGait>("generate", |request| GenerateGaitResponse {
         success: request.speed_m_s.value().is_ok(),
         status: request.behaviour,
         message: format!("{:?}", request.speed_m_s.0),
-        gait: Gait {
-            coefficients_rad: (0..72).map(f64::from).collect(),
-            ..Gait::default()
-        },
+        gait: Gait { coefficients_rad: (0..72).map(f64::from).collect(), ..Gait::default() },
     })?;
     let remote = Arc::new(node.client::<SetBool>("remote")?);
     node.serve::<Trigger>("relay", move |_| {

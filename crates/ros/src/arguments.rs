@@ -108,9 +108,9 @@ impl Arguments {
                 "--log-level" => {
                     let text = value()?;
                     match text.split_once(":=") {
-                        Some((logger, level)) => parsed
-                            .logger_levels
-                            .push((logger.to_string(), log_level(&text, level)?)),
+                        Some((logger, level)) => {
+                            parsed.logger_levels.push((logger.to_string(), log_level(&text, level)?))
+                        }
                         None => parsed.log_level = Some(log_level(&text, &text)?),
                     }
                 }
@@ -150,11 +150,7 @@ impl Arguments {
     }
 
     /// The node's name and full namespace after `__node` and `__ns`.
-    pub(crate) fn node_name(
-        &self,
-        name: &str,
-        namespace: &str,
-    ) -> Result<(String, String), RosError> {
+    pub(crate) fn node_name(&self, name: &str, namespace: &str) -> Result<(String, String), RosError> {
         let mut node = None;
         let mut space = None;
         for rule in &self.remaps {
@@ -187,9 +183,7 @@ fn domain_id(environment: &impl Fn(&str) -> Option<String>) -> Result<u16, RosEr
     }
 }
 
-fn discovery_range(
-    environment: &impl Fn(&str) -> Option<String>,
-) -> Result<DiscoveryRange, RosError> {
+fn discovery_range(environment: &impl Fn(&str) -> Option<String>) -> Result<DiscoveryRange, RosError> {
     if let Some(value) = environment("ROS_LOCALHOST_ONLY").filter(|value| !value.is_empty()) {
         // As in ROS 2: where the old variable is switched on it wins.
         match value.as_str() {
@@ -210,7 +204,8 @@ fn discovery_range(
         Some(other) => Err(RosError::Environment {
             name: "ROS_AUTOMATIC_DISCOVERY_RANGE",
             value: other.to_string(),
-            reason: "expected SUBNET or LOCALHOST (OFF and static peers are not supported by this middleware)".to_string(),
+            reason: "expected SUBNET or LOCALHOST (OFF and static peers are not supported by this middleware)"
+                .to_string(),
         }),
     }
 }
@@ -230,13 +225,8 @@ fn log_level(argument: &str, level: &str) -> Result<String, RosError> {
 
 /// `[node:]from:=to`
 fn remap(text: &str) -> Result<Remap, RosError> {
-    let wrong = |reason: &str| RosError::Argument {
-        argument: format!("-r {text}"),
-        reason: reason.to_string(),
-    };
-    let (from, to) = text
-        .split_once(":=")
-        .ok_or_else(|| wrong("expected FROM:=TO"))?;
+    let wrong = |reason: &str| RosError::Argument { argument: format!("-r {text}"), reason: reason.to_string() };
+    let (from, to) = text.split_once(":=").ok_or_else(|| wrong("expected FROM:=TO"))?;
     if from.is_empty() || to.is_empty() {
         return Err(wrong("expected FROM:=TO, both sides present"));
     }
@@ -245,11 +235,7 @@ fn remap(text: &str) -> Result<Remap, RosError> {
             let (from, to) = (from.to_string(), to.to_string());
             return Ok(Remap {
                 node: None,
-                kind: if is_topic {
-                    RemapKind::Topic { from, to }
-                } else {
-                    RemapKind::Service { from, to }
-                },
+                kind: if is_topic { RemapKind::Topic { from, to } } else { RemapKind::Service { from, to } },
             });
         }
     }
@@ -269,23 +255,15 @@ fn remap(text: &str) -> Result<Remap, RosError> {
             full_namespace(to).map_err(|error| wrong(&error.to_string()))?;
             RemapKind::Namespace(to.to_string())
         }
-        _ => RemapKind::TopicOrService {
-            from: from.to_string(),
-            to: to.to_string(),
-        },
+        _ => RemapKind::TopicOrService { from: from.to_string(), to: to.to_string() },
     };
     Ok(Remap { node, kind })
 }
 
 /// `[node:]name:=value`
 fn parameter(text: &str) -> Result<Override, RosError> {
-    let wrong = |reason: String| RosError::Argument {
-        argument: format!("-p {text}"),
-        reason,
-    };
-    let (name, value) = text
-        .split_once(":=")
-        .ok_or_else(|| wrong("expected NAME:=VALUE".to_string()))?;
+    let wrong = |reason: String| RosError::Argument { argument: format!("-p {text}"), reason };
+    let (name, value) = text.split_once(":=").ok_or_else(|| wrong("expected NAME:=VALUE".to_string()))?;
     let (node, name) = match name.split_once(':') {
         Some((node, name)) => (format!("/**/{}", node.trim_start_matches('/')), name),
         None => ("/**".to_string(), name),
@@ -296,18 +274,11 @@ fn parameter(text: &str) -> Result<Override, RosError> {
     let value = serde_yaml_ng::from_str(value)
         .map_err(|error| wrong(format!("the value is not YAML: {error}")))
         .and_then(|value| ParameterValue::from_yaml(&value).map_err(wrong))?;
-    Ok(Override {
-        node,
-        name: name.to_string(),
-        value,
-    })
+    Ok(Override { node, name: name.to_string(), value })
 }
 
 fn parameters_file(path: &Path) -> Result<Vec<Override>, RosError> {
-    let wrong = |reason: String| RosError::Argument {
-        argument: format!("--params-file {}", path.display()),
-        reason,
-    };
+    let wrong = |reason: String| RosError::Argument { argument: format!("--params-file {}", path.display()), reason };
     let text = std::fs::read_to_string(path).map_err(|error| wrong(error.to_string()))?;
     overrides_from_yaml(&text).map_err(wrong)
 }
@@ -326,27 +297,18 @@ mod tests {
 
     #[test]
     fn arguments_of_the_program_are_left_alone() {
-        let (arguments, rest) = parse(
-            "program --seconds 5 --ros-args -r __node:=walker -- --verbose --ros-args -p a:=1",
-        )
-        .unwrap();
+        let (arguments, rest) =
+            parse("program --seconds 5 --ros-args -r __node:=walker -- --verbose --ros-args -p a:=1").unwrap();
         assert_eq!(rest, ["program", "--seconds", "5", "--verbose"]);
-        assert_eq!(
-            arguments.node_name("controller", "/").unwrap(),
-            ("walker".to_string(), "/".to_string())
-        );
+        assert_eq!(arguments.node_name("controller", "/").unwrap(), ("walker".to_string(), "/".to_string()));
         assert_eq!(arguments.overrides[0].value, ParameterValue::Integer(1));
     }
 
     #[test]
     fn names_and_namespaces_are_remapped() {
         let (arguments, _) =
-            parse("p --ros-args -r other:__node:=x -r controller:__ns:=/robot -r __ns:=/late")
-                .unwrap();
-        assert_eq!(
-            arguments.node_name("controller", "/").unwrap(),
-            ("controller".to_string(), "/robot".to_string())
-        );
+            parse("p --ros-args -r other:__node:=x -r controller:__ns:=/robot -r __ns:=/late").unwrap();
+        assert_eq!(arguments.node_name("controller", "/").unwrap(), ("controller".to_string(), "/robot".to_string()));
         assert_eq!(arguments.node_name("other", "/").unwrap().0, "x");
     }
 
@@ -359,33 +321,20 @@ mod tests {
         assert!(message(parse("p --ros-args -p a")).contains("NAME:=VALUE"));
         assert!(message(parse("p --ros-args -p a:=[1,x]")).contains("one type"));
         assert!(message(parse("p --ros-args --log-level loud")).contains("loud"));
-        assert!(
-            message(parse("p --ros-args --params-file /nowhere.yaml")).contains("/nowhere.yaml")
-        );
+        assert!(message(parse("p --ros-args --params-file /nowhere.yaml")).contains("/nowhere.yaml"));
     }
 
     #[test]
     fn the_environment_is_read() {
         let with = |name: &'static str, value: &'static str| {
-            Arguments::parse(["p".to_string()], move |asked| {
-                (asked == name).then(|| value.to_string())
-            })
+            Arguments::parse(["p".to_string()], move |asked| (asked == name).then(|| value.to_string()))
         };
         assert_eq!(with("ROS_DOMAIN_ID", "42").unwrap().0.domain_id, 42);
         assert_eq!(with("ROS_DOMAIN_ID", "").unwrap().0.domain_id, 0);
         assert!(message(with("ROS_DOMAIN_ID", "233")).contains("ROS_DOMAIN_ID=233"));
         assert!(message(with("ROS_DOMAIN_ID", "x")).contains("0 to 232"));
-        assert_eq!(
-            with("ROS_LOCALHOST_ONLY", "1").unwrap().0.range,
-            DiscoveryRange::Localhost
-        );
-        assert_eq!(
-            with("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
-                .unwrap()
-                .0
-                .range,
-            DiscoveryRange::Localhost
-        );
+        assert_eq!(with("ROS_LOCALHOST_ONLY", "1").unwrap().0.range, DiscoveryRange::Localhost);
+        assert_eq!(with("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST").unwrap().0.range, DiscoveryRange::Localhost);
         assert_eq!(with("NOTHING", "").unwrap().0.range, DiscoveryRange::Subnet);
         assert!(message(with("ROS_AUTOMATIC_DISCOVERY_RANGE", "OFF")).contains("OFF"));
     }

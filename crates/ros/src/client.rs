@@ -16,8 +16,7 @@ const LOOK_PERIOD: Duration = Duration::from_millis(20);
 /// After the server is seen, its side of the match needs a moment: a request sent at once can be answered into the void.
 const SETTLE: Duration = Duration::from_millis(100);
 
-type Endpoint<S> =
-    ros2_client::Client<Wire<<S as Service>::Request>, Wire<<S as Service>::Response>>;
+type Endpoint<S> = ros2_client::Client<Wire<<S as Service>::Request>, Wire<<S as Service>::Response>>;
 
 pub(crate) struct Inner<S: Service> {
     /// None once the node is shut down.
@@ -29,12 +28,7 @@ pub(crate) struct Inner<S: Service> {
 
 impl<S: Service> Inner<S> {
     pub(crate) fn close(&self) {
-        drop(
-            self.endpoint
-                .write()
-                .unwrap_or_else(PoisonError::into_inner)
-                .take(),
-        );
+        drop(self.endpoint.write().unwrap_or_else(PoisonError::into_inner).take());
     }
 }
 
@@ -47,11 +41,7 @@ pub struct Client<S: Service> {
 
 impl<S: Service> Clone for Client<S> {
     fn clone(&self) -> Self {
-        Client {
-            service: Arc::clone(&self.service),
-            inner: Arc::clone(&self.inner),
-            core: Arc::clone(&self.core),
-        }
+        Client { service: Arc::clone(&self.service), inner: Arc::clone(&self.inner), core: Arc::clone(&self.core) }
     }
 }
 
@@ -87,28 +77,18 @@ impl<S: Service> Client<S> {
     /// # Panics
     /// Inside a callback or an asynchronous task: use [`Client::call_async`] there.
     pub fn call(&self, request: S::Request, patience: Duration) -> Result<S::Response, CallError> {
-        self.core
-            .handle
-            .block_on(self.call_async(request, patience))
+        self.core.handle.block_on(self.call_async(request, patience))
     }
 
     /// As [`Client::call`], for asynchronous tasks.
     ///
     /// # Errors
     /// As [`Client::call`].
-    pub async fn call_async(
-        &self,
-        request: S::Request,
-        patience: Duration,
-    ) -> Result<S::Response, CallError> {
+    pub async fn call_async(&self, request: S::Request, patience: Duration) -> Result<S::Response, CallError> {
         let service = || self.service.to_string();
         let deadline = Instant::now() + patience;
-        let no_response = || CallError::NoResponse {
-            service: service(),
-            waited: patience,
-        };
-        let Ok(_turn) = tokio::time::timeout_at(deadline.into(), self.inner.turn.lock()).await
-        else {
+        let no_response = || CallError::NoResponse { service: service(), waited: patience };
+        let Ok(_turn) = tokio::time::timeout_at(deadline.into(), self.inner.turn.lock()).await else {
             return Err(no_response());
         };
         let endpoint = self
@@ -120,10 +100,7 @@ impl<S: Service> Client<S> {
             .ok_or_else(|| CallError::ShutDown { service: service() })?;
         while !self.is_available(&endpoint)? {
             if Instant::now() >= deadline {
-                return Err(CallError::NoServer {
-                    service: service(),
-                    waited: patience,
-                });
+                return Err(CallError::NoServer { service: service(), waited: patience });
             }
             self.inner.settled.store(false, Ordering::Relaxed);
             tokio::time::sleep(LOOK_PERIOD).await;
@@ -131,19 +108,10 @@ impl<S: Service> Client<S> {
         if !self.inner.settled.swap(true, Ordering::Relaxed) {
             tokio::time::sleep(SETTLE).await;
         }
-        let middleware = |reason: String| CallError::Middleware {
-            service: service(),
-            reason,
-        };
+        let middleware = |reason: String| CallError::Middleware { service: service(), reason };
         let call = async {
-            let id = endpoint
-                .async_send_request(Wire(request))
-                .await
-                .map_err(|error| middleware(error.to_string()))?;
-            endpoint
-                .async_receive_response(id)
-                .await
-                .map_err(|error| middleware(error.to_string()))
+            let id = endpoint.async_send_request(Wire(request)).await.map_err(|error| middleware(error.to_string()))?;
+            endpoint.async_receive_response(id).await.map_err(|error| middleware(error.to_string()))
         };
         match tokio::time::timeout_at(deadline.into(), call).await {
             Ok(response) => response.map(|Wire(response)| response),
@@ -154,8 +122,6 @@ impl<S: Service> Client<S> {
     fn is_available(&self, endpoint: &Endpoint<S>) -> Result<bool, CallError> {
         self.core
             .with_node(|node| endpoint.wait_for_service(node).now_or_never().is_some())
-            .ok_or_else(|| CallError::ShutDown {
-                service: self.service.to_string(),
-            })
+            .ok_or_else(|| CallError::ShutDown { service: self.service.to_string() })
     }
 }

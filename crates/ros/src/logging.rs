@@ -23,10 +23,8 @@ static ROSOUT: OnceLock<SyncSender<Log>> = OnceLock::new();
 /// lines for `/rosout`.
 pub(crate) fn start(arguments: &Arguments, node: &str) -> Option<Receiver<Log>> {
     // The middleware's own warnings are about other participants' endpoints more often than about ours.
-    let mut directives = format!(
-        "{},rustdds=error,ros2_client=error",
-        arguments.log_level.as_deref().unwrap_or("info")
-    );
+    let mut directives =
+        format!("{},rustdds=error,ros2_client=error", arguments.log_level.as_deref().unwrap_or("info"));
     for (logger, level) in &arguments.logger_levels {
         let target = if logger == node { "tandem" } else { logger };
         let _ = write!(directives, ",{target}={level}"); // writing to a String cannot fail
@@ -39,11 +37,7 @@ pub(crate) fn start(arguments: &Arguments, node: &str) -> Option<Receiver<Log>> 
         .with_ansi(std::io::IsTerminal::is_terminal(&std::io::stderr()))
         .with_target(false);
     // Fails where the program has installed its own subscriber, which is its right.
-    let _ = tracing_subscriber::registry()
-        .with(filter)
-        .with(lines)
-        .with(RosoutLayer)
-        .try_init();
+    let _ = tracing_subscriber::registry().with(filter).with(lines).with(RosoutLayer).try_init();
     first.then_some(receiver)
 }
 

@@ -19,10 +19,7 @@ fn token_problem(token: &str) -> Option<&'static str> {
 }
 
 fn name_error(name: &str, reason: &str) -> RosError {
-    RosError::Name {
-        name: name.to_string(),
-        reason: reason.to_string(),
-    }
+    RosError::Name { name: name.to_string(), reason: reason.to_string() }
 }
 
 /// A node's base name: one token.
@@ -31,10 +28,7 @@ pub(crate) fn check_node_name(name: &str) -> Result<(), RosError> {
         || name.starts_with(|c: char| c.is_ascii_digit())
         || !name.chars().all(|c| c.is_ascii_alphanumeric() || c == '_')
     {
-        return Err(name_error(
-            name,
-            "a node's name is letters, digits and underscores, not beginning with a digit",
-        ));
+        return Err(name_error(name, "a node's name is letters, digits and underscores, not beginning with a digit"));
     }
     Ok(())
 }
@@ -141,17 +135,10 @@ mod tests {
             ("/{node}/a", "/robot", "/walker/a"),
             ("a/b", "/x/y", "/x/y/a/b"),
         ] {
-            assert_eq!(
-                expand(name, namespace, "walker").unwrap(),
-                expected,
-                "{name} in {namespace}"
-            );
+            assert_eq!(expand(name, namespace, "walker").unwrap(), expected, "{name} in {namespace}");
         }
         for bad in ["", "/", "a//b", "a/", "1a", "a b", "a__b", "~a", "a/{x}"] {
-            assert!(
-                expand(bad, "/", "walker").is_err(),
-                "{bad:?} must be refused"
-            );
+            assert!(expand(bad, "/", "walker").is_err(), "{bad:?} must be refused");
         }
     }
 
@@ -159,10 +146,7 @@ mod tests {
     fn the_first_matching_rule_counts() {
         let rule = |from: &str, to: &str| Remap {
             node: None,
-            kind: RemapKind::TopicOrService {
-                from: from.to_string(),
-                to: to.to_string(),
-            },
+            kind: RemapKind::TopicOrService { from: from.to_string(), to: to.to_string() },
         };
         let rules = [rule("a", "b"), rule("/n/a", "c"), rule("b", "d")];
         let resolved = |name| resolve(name, Subject::Topic, "/n", "walker", &rules).unwrap();
@@ -177,31 +161,13 @@ mod tests {
         let rules = [
             Remap {
                 node: Some("other".to_string()),
-                kind: RemapKind::Topic {
-                    from: "a".to_string(),
-                    to: "b".to_string(),
-                },
+                kind: RemapKind::Topic { from: "a".to_string(), to: "b".to_string() },
             },
-            Remap {
-                node: None,
-                kind: RemapKind::Service {
-                    from: "a".to_string(),
-                    to: "c".to_string(),
-                },
-            },
+            Remap { node: None, kind: RemapKind::Service { from: "a".to_string(), to: "c".to_string() } },
         ];
-        assert_eq!(
-            resolve("a", Subject::Topic, "/", "walker", &rules).unwrap(),
-            "/a"
-        );
-        assert_eq!(
-            resolve("a", Subject::Service, "/", "walker", &rules).unwrap(),
-            "/c"
-        );
-        assert_eq!(
-            resolve("a", Subject::Topic, "/", "other", &rules).unwrap(),
-            "/b"
-        );
+        assert_eq!(resolve("a", Subject::Topic, "/", "walker", &rules).unwrap(), "/a");
+        assert_eq!(resolve("a", Subject::Service, "/", "walker", &rules).unwrap(), "/c");
+        assert_eq!(resolve("a", Subject::Topic, "/", "other", &rules).unwrap(), "/b");
     }
 
     #[test]

@@ -29,6 +29,9 @@ use crate::{Qos, RosError, Wire, logging};
 /// How long the end of a node may take before it is given up.
 const SHUTDOWN_PATIENCE: Duration = Duration::from_secs(2);
 
+/// How long the middleware gets to send that the node is gone. Without it some peers keep the node for their lease, 20 to 50 s.
+const FAREWELL: Duration = Duration::from_millis(150);
+
 /// Requests kept by the middleware for a server: more than the requests of a burst, so that none is overwritten.
 const SERVICE_DEPTH: usize = 128;
 
@@ -40,9 +43,7 @@ pub struct Stop {
 
 impl Stop {
     fn new() -> Self {
-        Stop {
-            sender: Arc::new(watch::Sender::new(false)),
-        }
+        Stop { sender: Arc::new(watch::Sender::new(false)) }
     }
 
     /// Asks everyone to stop.
@@ -75,20 +76,14 @@ pub(crate) struct Core {
 }
 
 impl Core {
-    pub(crate) fn with_node<T>(
-        &self,
-        action: impl FnOnce(&mut ros2_client::Node) -> T,
-    ) -> Option<T> {
+    pub(crate) fn with_node<T>(&self, action: impl FnOnce(&mut ros2_client::Node) -> T) -> Option<T> {
         // The middleware's node is a list of endpoints: usable after a panic elsewhere.
         let mut guard = self.node.lock().unwrap_or_else(PoisonError::into_inner);
         guard.as_mut().map(action)
     }
 
     fn context(&self) -> Option<Context> {
-        self.context
-            .lock()
-            .unwrap_or_else(PoisonError::into_inner)
-            .clone()
+        self.context.lock().unwrap_or_else(PoisonError::into_inner).clone()
     }
 
     /// The type that the publisher with this identity announces, if it is known.
@@ -107,10 +102,7 @@ impl Core {
 }
 
 pub(crate) fn dds_name(full: &str) -> Result<Name, RosError> {
-    Name::parse(full).map_err(|error| RosError::Name {
-        name: full.to_string(),
-        reason: error.to_string(),
-    })
+    Name::parse(full).map_err(|error| RosError::Name { name: full.to_string(), reason: error.to_string() })
 }
 
 /// A ROS 2 node.
@@ -158,16 +150,10 @@ impl Node {
             builder = builder.with_only_networks([Ipv4Addr::LOCALHOST]);
         }
         let participant = builder.build().map_err(|error| create(error.to_string()))?;
-        let context = Context::from_domain_participant(participant)
-            .map_err(|error| create(error.to_string()))?;
-        let node_name =
-            NodeName::new(&namespace, &name).map_err(|error| create(error.to_string()))?;
-        let options = NodeOptions::new()
-            .enable_rosout(false)
-            .start_parameter_services(false);
-        let mut inner = context
-            .new_node(node_name, options)
-            .map_err(|error| create(error.to_string()))?;
+        let context = Context::from_domain_participant(participant).map_err(|error| create(error.to_string()))?;
+        let node_name = NodeName::new(&namespace, &name).map_err(|error| create(error.to_string()))?;
+        let options = NodeOptions::new().enable_rosout(false).start_parameter_services(false);
+        let mut inner = context.new_node(node_name, options).map_err(|error| create(error.to_string()))?;
         let spinner = inner.spinner().map_err(|error| create(error.to_string()))?;
         let spinner = runtime.spawn(async move {
             if let Err(error) = spinner.spin().await {
@@ -185,14 +171,10 @@ impl Node {
             context: Mutex::new(Some(context)),
         });
         let (changes, mut changed) = tokio::sync::mpsc::unbounded_channel();
-        let store = Arc::new(Store::new(
-            full_name.clone(),
-            &arguments.overrides,
-            move |change| {
-                // Nobody listens once the node is shut down.
-                let _ = changes.send(change);
-            },
-        ));
+        let store = Arc::new(Store::new(full_name.clone(), &arguments.overrides, move |change| {
+            // Nobody listens once the node is shut down.
+            let _ = changes.send(change);
+        }));
         let mut node = Node {
             core,
             store,
@@ -205,15 +187,10 @@ impl Node {
         };
         node.watch_signals()?;
         node.serve_parameters()?;
-        let events =
-            node.publisher::<wire::ParameterEvent>("/parameter_events", Qos::reliable(1000))?;
+        let events = node.publisher::<wire::ParameterEvent>("/parameter_events", Qos::reliable(1000))?;
         node.spawn(async move {
             while let Some(change) = changed.recv().await {
-                let event = crate::parameters::Changes::into_event(
-                    change,
-                    full_name.clone(),
-                    crate::wall_time(),
-                );
+                let event = crate::parameters::Changes::into_event(change, full_name.clone(), crate::wall_time());
                 if let Err(error) = events.publish(event) {
                     tracing::warn!("{error}");
                 }
@@ -268,19 +245,12 @@ impl Node {
     /// A wrong name, or the middleware's reason.
     pub fn publisher<M: Message>(&self, topic: &str, qos: Qos) -> Result<Publisher<M>, RosError> {
         let full = self.core.full_name(topic, Subject::Topic)?;
-        let create = |reason: String| RosError::Create {
-            what: format!("publisher on {full}"),
-            reason,
-        };
+        let create = |reason: String| RosError::Create { what: format!("publisher on {full}"), reason };
         let name = dds_name(&full)?;
         let inner = self
             .core
             .with_node(|node| {
-                let topic = node.create_topic(
-                    &name,
-                    MessageTypeName::new(M::PACKAGE, M::NAME),
-                    &qos.profile(),
-                )?;
+                let topic = node.create_topic(&name, MessageTypeName::new(M::PACKAGE, M::NAME), &qos.profile())?;
                 node.create_publisher::<M>(&topic, Some(qos.profile()))
             })
             .ok_or_else(|| self.shut_down(&full))?
@@ -302,10 +272,7 @@ impl Node {
         mut callback: impl FnMut(M) + Send + 'static,
     ) -> Result<(), RosError> {
         let full = self.core.full_name(topic, Subject::Topic)?;
-        let create = |reason: String| RosError::Create {
-            what: format!("subscription to {full}"),
-            reason,
-        };
+        let create = |reason: String| RosError::Create { what: format!("subscription to {full}"), reason };
         let name = dds_name(&full)?;
         let type_name = MessageTypeName::new(M::PACKAGE, M::NAME);
         let expected = type_name.dds_msg_type();
@@ -397,10 +364,7 @@ impl Node {
                 )
             })
             .ok_or_else(|| self.shut_down(&full))?
-            .map_err(|error| RosError::Create {
-                what: format!("service {full}"),
-                reason: error.to_string(),
-            })?;
+            .map_err(|error| RosError::Create { what: format!("service {full}"), reason: error.to_string() })?;
         self.spawn(serve::<S>(full, server, options, handler));
         Ok(())
     }
@@ -425,10 +389,7 @@ impl Node {
                 )
             })
             .ok_or_else(|| self.shut_down(&full))?
-            .map_err(|error| RosError::Create {
-                what: format!("client of {full}"),
-                reason: error.to_string(),
-            })?;
+            .map_err(|error| RosError::Create { what: format!("client of {full}"), reason: error.to_string() })?;
         let client = Client::new(full, inner, Arc::clone(&self.core));
         self.close_with(client.weak(), |inner| inner.close());
         Ok(client)
@@ -443,10 +404,7 @@ impl Node {
     /// parameters are declared.
     pub fn warn_of_unused_parameters(&self) {
         for name in self.store.unused_overrides() {
-            tracing::warn!(
-                "parameter {name:?} was given but {} has no such parameter",
-                self.full_name()
-            );
+            tracing::warn!("parameter {name:?} was given but {} has no such parameter", self.full_name());
         }
     }
 
@@ -464,10 +422,7 @@ impl Node {
 
     fn count(&self, topic: &str, count: impl FnOnce(&ros2_client::Node, &str) -> usize) -> usize {
         match self.core.full_name(topic, Subject::Topic) {
-            Ok(full) => self
-                .core
-                .with_node(|node| count(node, &full))
-                .unwrap_or_default(),
+            Ok(full) => self.core.with_node(|node| count(node, &full)).unwrap_or_default(),
             Err(_) => 0,
         }
     }
@@ -481,10 +436,7 @@ impl Node {
     /// Runs a task on the node's threads until the node ends.
     pub fn spawn(&self, task: impl Future<Output = ()> + Send + 'static) {
         let handle = self.core.handle.spawn(task);
-        self.tasks
-            .lock()
-            .unwrap_or_else(PoisonError::into_inner)
-            .push(handle);
+        self.tasks.lock().unwrap_or_else(PoisonError::into_inner).push(handle);
     }
 
     /// Calls `action` at a fixed rate on the node's threads; a late call is skipped, not made up for.
@@ -516,14 +468,12 @@ impl Node {
             return;
         };
         self.stop.request();
-        let mut tasks: Vec<_> =
-            std::mem::take(&mut *self.tasks.lock().unwrap_or_else(PoisonError::into_inner));
+        let mut tasks: Vec<_> = std::mem::take(&mut *self.tasks.lock().unwrap_or_else(PoisonError::into_inner));
         for task in &tasks {
             task.abort();
         }
         let deadline = Instant::now() + SHUTDOWN_PATIENCE;
-        let closers =
-            std::mem::take(&mut *self.closers.lock().unwrap_or_else(PoisonError::into_inner));
+        let closers = std::mem::take(&mut *self.closers.lock().unwrap_or_else(PoisonError::into_inner));
         let spinner = self.spinner.take();
         let core = Arc::clone(&self.core);
         runtime.block_on(async move {
@@ -534,59 +484,37 @@ impl Node {
             for close in closers {
                 close();
             }
-            drop(
-                core.node
-                    .lock()
-                    .unwrap_or_else(PoisonError::into_inner)
-                    .take(),
-            );
+            drop(core.node.lock().unwrap_or_else(PoisonError::into_inner).take());
             if let Some(spinner) = spinner
-                && tokio::time::timeout_at(deadline.into(), spinner)
-                    .await
-                    .is_err()
+                && tokio::time::timeout_at(deadline.into(), spinner).await.is_err()
             {
                 tracing::warn!("the discovery task did not end in time");
             }
+            // The announcement that the node is gone is on its way; the participant must not end before it has left.
+            tokio::time::sleep(FAREWELL).await;
         });
-        drop(
-            self.core
-                .context
-                .lock()
-                .unwrap_or_else(PoisonError::into_inner)
-                .take(),
-        );
+        drop(self.core.context.lock().unwrap_or_else(PoisonError::into_inner).take());
         runtime.shutdown_timeout(deadline.saturating_duration_since(Instant::now()));
     }
 
     fn shut_down(&self, what: &str) -> RosError {
-        RosError::ShutDown {
-            what: what.to_string(),
-        }
+        RosError::ShutDown { what: what.to_string() }
     }
 
-    fn close_with<T: Send + Sync + 'static>(
-        &self,
-        target: Weak<T>,
-        close: impl FnOnce(&T) + Send + 'static,
-    ) {
-        self.closers
-            .lock()
-            .unwrap_or_else(PoisonError::into_inner)
-            .push(Box::new(move || {
-                if let Some(target) = target.upgrade() {
-                    close(&target);
-                }
-            }));
+    fn close_with<T: Send + Sync + 'static>(&self, target: Weak<T>, close: impl FnOnce(&T) + Send + 'static) {
+        self.closers.lock().unwrap_or_else(PoisonError::into_inner).push(Box::new(move || {
+            if let Some(target) = target.upgrade() {
+                close(&target);
+            }
+        }));
     }
 
     fn watch_signals(&self) -> Result<(), RosError> {
         use tokio::signal::unix::{SignalKind, signal};
         let _guard = self.core.handle.enter();
         let listen = |kind| {
-            signal(kind).map_err(|error| RosError::Create {
-                what: "signal handler".to_string(),
-                reason: error.to_string(),
-            })
+            signal(kind)
+                .map_err(|error| RosError::Create { what: "signal handler".to_string(), reason: error.to_string() })
         };
         let mut interrupt = listen(SignalKind::interrupt())?;
         let mut terminate = listen(SignalKind::terminate())?;
@@ -613,29 +541,15 @@ impl Node {
         macro_rules! service {
             ($service:ident, $name:literal, $method:ident) => {
                 let store = Arc::clone(&self.store);
-                self.serve::<wire::$service>(concat!("~/", $name), move |request| {
-                    store.$method(&request)
-                })?;
+                self.serve::<wire::$service>(concat!("~/", $name), move |request| store.$method(&request))?;
             };
         }
         service!(ListParameters, "list_parameters", list_parameters);
         service!(GetParameters, "get_parameters", get_parameters);
-        service!(
-            GetParameterTypes,
-            "get_parameter_types",
-            get_parameter_types
-        );
-        service!(
-            DescribeParameters,
-            "describe_parameters",
-            describe_parameters
-        );
+        service!(GetParameterTypes, "get_parameter_types", get_parameter_types);
+        service!(DescribeParameters, "describe_parameters", describe_parameters);
         service!(SetParameters, "set_parameters", set_parameters);
-        service!(
-            SetParametersAtomically,
-            "set_parameters_atomically",
-            set_parameters_atomically
-        );
+        service!(SetParametersAtomically, "set_parameters_atomically", set_parameters_atomically);
         Ok(())
     }
 
@@ -668,10 +582,7 @@ pub(crate) struct Occasionally {
 impl Occasionally {
     pub(crate) fn now(&mut self) -> Option<u64> {
         self.count += 1;
-        if self
-            .last
-            .is_none_or(|last| last.elapsed() >= Duration::from_secs(5))
-        {
+        if self.last.is_none_or(|last| last.elapsed() >= Duration::from_secs(5)) {
             self.last = Some(Instant::now());
             Some(std::mem::take(&mut self.count))
         } else {

@@ -89,10 +89,7 @@ impl ParameterValue {
     }
 
     fn to_wire(&self) -> wire::ParameterValue {
-        let mut message = wire::ParameterValue {
-            r#type: self.type_number(),
-            ..Default::default()
-        };
+        let mut message = wire::ParameterValue { r#type: self.type_number(), ..Default::default() };
         match self.clone() {
             Self::NotSet => {}
             Self::Bool(value) => message.bool_value = value,
@@ -140,18 +137,13 @@ impl ParameterValue {
                 _ => Self::String(text.clone()),
             }),
             Yaml::Sequence(items) => {
-                let items = items
-                    .iter()
-                    .map(Self::from_yaml)
-                    .collect::<Result<Vec<_>, _>>()?;
+                let items = items.iter().map(Self::from_yaml).collect::<Result<Vec<_>, _>>()?;
                 array(&items).ok_or_else(|| {
                     "a list must be of one type: all bool, all integer, all double or all string".to_string()
                 })
             }
             Yaml::Null => Err("a value is missing".to_string()),
-            Yaml::Mapping(_) | Yaml::Tagged(_) => {
-                Err("expected a value or a list of values".to_string())
-            }
+            Yaml::Mapping(_) | Yaml::Tagged(_) => Err("expected a value or a list of values".to_string()),
         }
     }
 }
@@ -217,23 +209,14 @@ pub trait Ranged: ParameterType + PartialOrd + fmt::Display {
 
 impl Ranged for f64 {
     fn describe(from: &f64, to: &f64, descriptor: &mut wire::ParameterDescriptor) {
-        descriptor.floating_point_range = Some(wire::FloatingPointRange {
-            from_value: *from,
-            to_value: *to,
-            step: 0.0,
-        })
-        .into();
+        descriptor.floating_point_range =
+            Some(wire::FloatingPointRange { from_value: *from, to_value: *to, step: 0.0 }).into();
     }
 }
 
 impl Ranged for i64 {
     fn describe(from: &i64, to: &i64, descriptor: &mut wire::ParameterDescriptor) {
-        descriptor.integer_range = Some(wire::IntegerRange {
-            from_value: *from,
-            to_value: *to,
-            step: 0,
-        })
-        .into();
+        descriptor.integer_range = Some(wire::IntegerRange { from_value: *from, to_value: *to, step: 0 }).into();
     }
 }
 
@@ -253,10 +236,7 @@ impl Entry {
                 (ParameterValue::Integer(number), "double") => format!("; write {number}.0"),
                 _ => String::new(),
             };
-            return Err(format!(
-                "expected {expected}, got {} {value}{hint}",
-                value.type_name()
-            ));
+            return Err(format!("expected {expected}, got {} {value}{hint}", value.type_name()));
         }
         self.checks.iter().try_for_each(|check| check(value))
     }
@@ -270,19 +250,9 @@ pub(crate) struct Changes {
 }
 
 impl Changes {
-    pub(crate) fn into_event(
-        self,
-        node: String,
-        stamp: tandem_msgs::builtin_interfaces::Time,
-    ) -> wire::ParameterEvent {
+    pub(crate) fn into_event(self, node: String, stamp: tandem_msgs::builtin_interfaces::Time) -> wire::ParameterEvent {
         let list = |items: Vec<(String, ParameterValue)>| {
-            items
-                .into_iter()
-                .map(|(name, value)| wire::Parameter {
-                    name,
-                    value: value.to_wire(),
-                })
-                .collect()
+            items.into_iter().map(|(name, value)| wire::Parameter { name, value: value.to_wire() }).collect()
         };
         wire::ParameterEvent {
             stamp,
@@ -314,12 +284,7 @@ impl Store {
             .filter(|candidate| matches(&candidate.node, &node))
             .map(|candidate| (candidate.name.clone(), candidate.value.clone()))
             .collect();
-        Store {
-            node,
-            overrides,
-            declared: Mutex::default(),
-            on_change: Box::new(on_change),
-        }
+        Store { node, overrides, declared: Mutex::default(), on_change: Box::new(on_change) }
     }
 
     fn declared(&self) -> MutexGuard<'_, BTreeMap<String, Entry>> {
@@ -336,9 +301,7 @@ impl Store {
             entry.check(value).map_err(wrong)?;
             entry.value = value.clone();
         } else {
-            entry
-                .check(&entry.value)
-                .map_err(|reason| wrong(format!("its default: {reason}")))?;
+            entry.check(&entry.value).map_err(|reason| wrong(format!("its default: {reason}")))?;
         }
         let value = entry.value.clone();
         let mut declared = self.declared();
@@ -347,10 +310,7 @@ impl Store {
         }
         declared.insert(name.to_string(), entry);
         drop(declared);
-        (self.on_change)(Changes {
-            new: vec![(name.to_string(), value)],
-            changed: Vec::new(),
-        });
+        (self.on_change)(Changes { new: vec![(name.to_string(), value)], changed: Vec::new() });
         Ok(())
     }
 
@@ -361,11 +321,7 @@ impl Store {
     /// Overrides for this node that no parameter took.
     pub(crate) fn unused_overrides(&self) -> Vec<String> {
         let declared = self.declared();
-        self.overrides
-            .keys()
-            .filter(|name| !declared.contains_key(*name))
-            .cloned()
-            .collect()
+        self.overrides.keys().filter(|name| !declared.contains_key(*name)).cloned().collect()
     }
 
     /// All or nothing.
@@ -374,19 +330,12 @@ impl Store {
         for (name, value) in parameters {
             let entry = declared.get(name).ok_or_else(|| {
                 let known: Vec<&str> = declared.keys().map(String::as_str).collect();
-                format!(
-                    "parameter {name:?} is not declared; this node has {}",
-                    known.join(", ")
-                )
+                format!("parameter {name:?} is not declared; this node has {}", known.join(", "))
             })?;
             if entry.descriptor.read_only {
-                return Err(format!(
-                    "parameter {name:?} is read-only: set it when the node is started"
-                ));
+                return Err(format!("parameter {name:?} is read-only: set it when the node is started"));
             }
-            entry
-                .check(value)
-                .map_err(|reason| format!("parameter {name:?}: {reason}"))?;
+            entry.check(value).map_err(|reason| format!("parameter {name:?}: {reason}"))?;
         }
         for (name, value) in parameters {
             if let Some(entry) = declared.get_mut(name) {
@@ -394,10 +343,7 @@ impl Store {
             }
         }
         drop(declared);
-        (self.on_change)(Changes {
-            new: Vec::new(),
-            changed: parameters.to_vec(),
-        });
+        (self.on_change)(Changes { new: Vec::new(), changed: parameters.to_vec() });
         Ok(())
     }
 
@@ -411,18 +357,12 @@ impl Store {
             })
             .collect::<Result<Vec<_>, _>>()
             .and_then(|parameters| self.set(&parameters));
-        wire::SetParametersResult {
-            successful: outcome.is_ok(),
-            reason: outcome.err().unwrap_or_default(),
-        }
+        wire::SetParametersResult { successful: outcome.is_ok(), reason: outcome.err().unwrap_or_default() }
     }
 
     // The six services.
 
-    pub(crate) fn list_parameters(
-        &self,
-        request: &wire::ListParametersRequest,
-    ) -> wire::ListParametersResponse {
+    pub(crate) fn list_parameters(&self, request: &wire::ListParametersRequest) -> wire::ListParametersResponse {
         let declared = self.declared();
         let levels = |name: &str| name.matches('.').count() as u64;
         let wanted = |name: &&String| {
@@ -432,37 +372,24 @@ impl Store {
             request.prefixes.iter().any(|prefix| {
                 name.as_str() == prefix
                     || name.strip_prefix(prefix.as_str()).is_some_and(|rest| {
-                        rest.starts_with('.')
-                            && (request.depth == 0 || levels(&rest[1..]) < request.depth)
+                        rest.starts_with('.') && (request.depth == 0 || levels(&rest[1..]) < request.depth)
                     })
             })
         };
         let names: Vec<String> = declared.keys().filter(wanted).cloned().collect();
-        let mut prefixes: Vec<String> = names
-            .iter()
-            .filter_map(|name| name.rsplit_once('.').map(|(prefix, _)| prefix.to_string()))
-            .collect();
+        let mut prefixes: Vec<String> =
+            names.iter().filter_map(|name| name.rsplit_once('.').map(|(prefix, _)| prefix.to_string())).collect();
         prefixes.dedup();
-        wire::ListParametersResponse {
-            result: wire::ListParametersResult { names, prefixes },
-        }
+        wire::ListParametersResponse { result: wire::ListParametersResult { names, prefixes } }
     }
 
-    pub(crate) fn get_parameters(
-        &self,
-        request: &wire::GetParametersRequest,
-    ) -> wire::GetParametersResponse {
+    pub(crate) fn get_parameters(&self, request: &wire::GetParametersRequest) -> wire::GetParametersResponse {
         let declared = self.declared();
         wire::GetParametersResponse {
             values: request
                 .names
                 .iter()
-                .map(|name| {
-                    declared
-                        .get(name)
-                        .map(|entry| entry.value.to_wire())
-                        .unwrap_or_default()
-                })
+                .map(|name| declared.get(name).map(|entry| entry.value.to_wire()).unwrap_or_default())
                 .collect(),
         }
     }
@@ -476,11 +403,7 @@ impl Store {
             types: request
                 .names
                 .iter()
-                .map(|name| {
-                    declared
-                        .get(name)
-                        .map_or(0, |entry| entry.value.type_number())
-                })
+                .map(|name| declared.get(name).map_or(0, |entry| entry.value.type_number()))
                 .collect(),
         }
     }
@@ -496,19 +419,13 @@ impl Store {
                 .iter()
                 .map(|name| match declared.get(name) {
                     Some(entry) => entry.descriptor.clone(),
-                    None => wire::ParameterDescriptor {
-                        name: name.clone(),
-                        ..Default::default()
-                    },
+                    None => wire::ParameterDescriptor { name: name.clone(), ..Default::default() },
                 })
                 .collect(),
         }
     }
 
-    pub(crate) fn set_parameters(
-        &self,
-        request: &wire::SetParametersRequest,
-    ) -> wire::SetParametersResponse {
+    pub(crate) fn set_parameters(&self, request: &wire::SetParametersRequest) -> wire::SetParametersResponse {
         wire::SetParametersResponse {
             results: request
                 .parameters
@@ -522,9 +439,7 @@ impl Store {
         &self,
         request: &wire::SetParametersAtomicallyRequest,
     ) -> wire::SetParametersAtomicallyResponse {
-        wire::SetParametersAtomicallyResponse {
-            result: self.set_from_wire(&request.parameters),
-        }
+        wire::SetParametersAtomicallyResponse { result: self.set_from_wire(&request.parameters) }
     }
 }
 
@@ -540,10 +455,7 @@ impl<T: ParameterType> Parameter<T> {
     #[must_use]
     pub fn get(&self) -> T {
         // Declared with this type and never undeclared, so the default is never used.
-        self.store
-            .get(&self.name)
-            .and_then(|value| T::from_value(&value))
-            .unwrap_or_else(|| self.default.clone())
+        self.store.get(&self.name).and_then(|value| T::from_value(&value)).unwrap_or_else(|| self.default.clone())
     }
 
     /// Sets it from inside the program, through the same checks as from outside.
@@ -596,18 +508,12 @@ impl<T: ParameterType> ParameterBuilder<T> {
     }
 
     /// A check beyond the range; its error reaches whoever sets the parameter. `rule` says it for people.
-    pub fn validate(
-        mut self,
-        rule: &str,
-        check: impl Fn(&T) -> Result<(), String> + Send + Sync + 'static,
-    ) -> Self {
+    pub fn validate(mut self, rule: &str, check: impl Fn(&T) -> Result<(), String> + Send + Sync + 'static) -> Self {
         self.entry.descriptor.additional_constraints = rule.to_string();
-        self.entry
-            .checks
-            .push(Box::new(move |value| match T::from_value(value) {
-                Some(value) => check(&value),
-                None => Ok(()), // the type is checked before
-            }));
+        self.entry.checks.push(Box::new(move |value| match T::from_value(value) {
+            Some(value) => check(&value),
+            None => Ok(()), // the type is checked before
+        }));
         self
     }
 
@@ -618,11 +524,7 @@ impl<T: ParameterType> ParameterBuilder<T> {
     pub fn declare(self) -> Result<Parameter<T>, RosError> {
         let name = self.entry.descriptor.name.clone();
         self.store.declare(&name, self.entry)?;
-        Ok(Parameter {
-            store: self.store,
-            name,
-            default: self.default,
-        })
+        Ok(Parameter { store: self.store, name, default: self.default })
     }
 }
 
@@ -630,13 +532,11 @@ impl<T: Ranged> ParameterBuilder<T> {
     /// Least and greatest value. NaN is in no range.
     pub fn range(mut self, from: T, to: T) -> Self {
         T::describe(&from, &to, &mut self.entry.descriptor);
-        self.entry
-            .checks
-            .push(Box::new(move |value| match T::from_value(value) {
-                Some(value) if value >= from && value <= to => Ok(()),
-                Some(value) => Err(format!("expected a value from {from} to {to}, got {value}")),
-                None => Ok(()), // the type is checked before
-            }));
+        self.entry.checks.push(Box::new(move |value| match T::from_value(value) {
+            Some(value) if value >= from && value <= to => Ok(()),
+            Some(value) => Err(format!("expected a value from {from} to {to}, got {value}")),
+            None => Ok(()), // the type is checked before
+        }));
         self
     }
 }
@@ -652,29 +552,18 @@ fn matches(pattern: &str, node: &str) -> bool {
             _ => false,
         }
     }
-    let split = |name: &'_ str| {
-        name.split('/')
-            .filter(|part| !part.is_empty())
-            .map(str::to_string)
-            .collect::<Vec<_>>()
-    };
+    let split = |name: &'_ str| name.split('/').filter(|part| !part.is_empty()).map(str::to_string).collect::<Vec<_>>();
     let (pattern, node) = (split(pattern), split(node));
-    parts(
-        &pattern.iter().map(String::as_str).collect::<Vec<_>>(),
-        &node.iter().map(String::as_str).collect::<Vec<_>>(),
-    )
+    parts(&pattern.iter().map(String::as_str).collect::<Vec<_>>(), &node.iter().map(String::as_str).collect::<Vec<_>>())
 }
 
 const PARAMETERS_KEY: &str = "ros__parameters";
 
 /// The values of a parameter file: node names (nested by namespace if one likes), `ros__parameters`, values nested by dots.
 pub(crate) fn overrides_from_yaml(text: &str) -> Result<Vec<Override>, String> {
-    let document: Yaml =
-        serde_yaml_ng::from_str(text).map_err(|error| format!("not YAML: {error}"))?;
+    let document: Yaml = serde_yaml_ng::from_str(text).map_err(|error| format!("not YAML: {error}"))?;
     let Yaml::Mapping(nodes) = document else {
-        return Err(format!(
-            "expected 'NODE: {{{PARAMETERS_KEY}: {{NAME: VALUE}}}}'"
-        ));
+        return Err(format!("expected 'NODE: {{{PARAMETERS_KEY}: {{NAME: VALUE}}}}'"));
     };
     let mut overrides = Vec::new();
     nodes_of(&nodes, "", &mut overrides)?;
@@ -690,18 +579,12 @@ fn key(yaml: &Yaml) -> Result<String, String> {
     }
 }
 
-fn nodes_of(
-    nodes: &serde_yaml_ng::Mapping,
-    namespace: &str,
-    overrides: &mut Vec<Override>,
-) -> Result<(), String> {
+fn nodes_of(nodes: &serde_yaml_ng::Mapping, namespace: &str, overrides: &mut Vec<Override>) -> Result<(), String> {
     for (name, content) in nodes {
         let name = key(name)?;
         if name == PARAMETERS_KEY {
             let Yaml::Mapping(values) = content else {
-                return Err(format!(
-                    "{namespace}: {PARAMETERS_KEY} must hold 'NAME: VALUE'"
-                ));
+                return Err(format!("{namespace}: {PARAMETERS_KEY} must hold 'NAME: VALUE'"));
             };
             if namespace.is_empty() {
                 return Err(format!("{PARAMETERS_KEY} must stand below a node's name"));
@@ -731,8 +614,7 @@ fn values_of(
         } else {
             overrides.push(Override {
                 node: node.to_string(),
-                value: ParameterValue::from_yaml(value)
-                    .map_err(|reason| format!("{node}: {name}: {reason}"))?,
+                value: ParameterValue::from_yaml(value).map_err(|reason| format!("{node}: {name}: {reason}"))?,
                 name,
             });
         }
@@ -745,11 +627,7 @@ mod tests {
     use super::*;
 
     fn store(yaml: &str) -> Arc<Store> {
-        Arc::new(Store::new(
-            "/robot/walker".to_string(),
-            &overrides_from_yaml(yaml).unwrap(),
-            |_| {},
-        ))
+        Arc::new(Store::new("/robot/walker".to_string(), &overrides_from_yaml(yaml).unwrap(), |_| {}))
     }
 
     #[test]
@@ -761,23 +639,11 @@ mod tests {
              /*/walker: {ros__parameters: {e: yes}}\n\
              /walker: {ros__parameters: {a: 9}}\n",
         );
-        let declare = |name| {
-            ParameterBuilder::new(Arc::clone(&store), name, 0_i64)
-                .declare()
-                .unwrap()
-                .get()
-        };
+        let declare = |name| ParameterBuilder::new(Arc::clone(&store), name, 0_i64).declare().unwrap().get();
         assert_eq!((declare("a"), declare("b"), declare("c")), (1, 2, 3));
-        let group = ParameterBuilder::new(Arc::clone(&store), "group.d", vec![0.0])
-            .declare()
-            .unwrap();
+        let group = ParameterBuilder::new(Arc::clone(&store), "group.d", vec![0.0]).declare().unwrap();
         assert_eq!(group.get(), [1.0, 2.0]);
-        assert!(
-            ParameterBuilder::new(Arc::clone(&store), "e", false)
-                .declare()
-                .unwrap()
-                .get()
-        );
+        assert!(ParameterBuilder::new(Arc::clone(&store), "e", false).declare().unwrap().get());
         assert!(store.unused_overrides().is_empty());
     }
 
@@ -794,57 +660,23 @@ mod tests {
     #[test]
     fn values_are_checked_when_declared_and_when_set() {
         let store = store("/**: {ros__parameters: {rate: 5000.0, steps: 2.5}}");
-        let build =
-            |name| ParameterBuilder::new(Arc::clone(&store), name, 100.0).range(1.0, 1000.0);
+        let build = |name| ParameterBuilder::new(Arc::clone(&store), name, 100.0).range(1.0, 1000.0);
         let error = build("rate").declare().err().unwrap().to_string();
-        assert!(
-            error.contains("rate") && error.contains("from 1 to 1000") && error.contains("5000"),
-            "{error}"
-        );
-        let error = ParameterBuilder::new(Arc::clone(&store), "steps", 1_i64)
-            .declare()
-            .err()
-            .unwrap()
-            .to_string();
-        assert!(
-            error.contains("expected integer, got double 2.5"),
-            "{error}"
-        );
+        assert!(error.contains("rate") && error.contains("from 1 to 1000") && error.contains("5000"), "{error}");
+        let error = ParameterBuilder::new(Arc::clone(&store), "steps", 1_i64).declare().err().unwrap().to_string();
+        assert!(error.contains("expected integer, got double 2.5"), "{error}");
 
         let limit = build("limit")
-            .validate("even", |value| {
-                if value % 2.0 == 0.0 {
-                    Ok(())
-                } else {
-                    Err(format!("{value} is odd"))
-                }
-            })
+            .validate("even", |value| if value % 2.0 == 0.0 { Ok(()) } else { Err(format!("{value} is odd")) })
             .declare()
             .unwrap();
         let set = |value: ParameterValue| store.set(&[("limit".to_string(), value)]);
         assert_eq!(set(ParameterValue::Double(4.0)), Ok(()));
         assert_eq!(limit.get(), 4.0);
-        assert!(
-            set(ParameterValue::Double(f64::NAN))
-                .unwrap_err()
-                .contains("NaN")
-        );
-        assert!(
-            set(ParameterValue::Double(3.0))
-                .unwrap_err()
-                .contains("3 is odd")
-        );
-        assert!(
-            set(ParameterValue::Integer(4))
-                .unwrap_err()
-                .contains("write 4.0")
-        );
-        assert!(
-            store
-                .set(&[("limt".to_string(), ParameterValue::Double(1.0))])
-                .unwrap_err()
-                .contains("limit")
-        );
+        assert!(set(ParameterValue::Double(f64::NAN)).unwrap_err().contains("NaN"));
+        assert!(set(ParameterValue::Double(3.0)).unwrap_err().contains("3 is odd"));
+        assert!(set(ParameterValue::Integer(4)).unwrap_err().contains("write 4.0"));
+        assert!(store.set(&[("limt".to_string(), ParameterValue::Double(1.0))]).unwrap_err().contains("limit"));
         assert_eq!(limit.get(), 4.0);
         assert!(build("limit").declare().is_err(), "declared twice");
     }
@@ -852,17 +684,9 @@ mod tests {
     #[test]
     fn several_are_set_all_or_nothing() {
         let store = store("{}");
-        let a = ParameterBuilder::new(Arc::clone(&store), "a", 1_i64)
-            .declare()
-            .unwrap();
-        let _b = ParameterBuilder::new(Arc::clone(&store), "b", 1_i64)
-            .read_only()
-            .declare()
-            .unwrap();
-        let both = [
-            ("a".to_string(), ParameterValue::Integer(5)),
-            ("b".to_string(), ParameterValue::Integer(5)),
-        ];
+        let a = ParameterBuilder::new(Arc::clone(&store), "a", 1_i64).declare().unwrap();
+        let _b = ParameterBuilder::new(Arc::clone(&store), "b", 1_i64).read_only().declare().unwrap();
+        let both = [("a".to_string(), ParameterValue::Integer(5)), ("b".to_string(), ParameterValue::Integer(5))];
         assert!(store.set(&both).unwrap_err().contains("read-only"));
         assert_eq!(a.get(), 1);
     }
@@ -871,19 +695,11 @@ mod tests {
     fn lists_follow_prefix_and_depth() {
         let store = store("{}");
         for name in ["a", "g.b", "g.h.c", "gg.d"] {
-            ParameterBuilder::new(Arc::clone(&store), name, 1_i64)
-                .declare()
-                .unwrap();
+            ParameterBuilder::new(Arc::clone(&store), name, 1_i64).declare().unwrap();
         }
         let list = |prefixes: &[&str], depth| {
-            let prefixes = prefixes
-                .iter()
-                .map(|prefix| (*prefix).to_string())
-                .collect();
-            store
-                .list_parameters(&wire::ListParametersRequest { prefixes, depth })
-                .result
-                .names
+            let prefixes = prefixes.iter().map(|prefix| (*prefix).to_string()).collect();
+            store.list_parameters(&wire::ListParametersRequest { prefixes, depth }).result.names
         };
         assert_eq!(list(&[], 0), ["a", "g.b", "g.h.c", "gg.d"]);
         assert_eq!(list(&[], 1), ["a"]);

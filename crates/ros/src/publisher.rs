@@ -16,12 +16,7 @@ impl<M: Message> Slot<M> {
     }
 
     pub(crate) fn close(&self) {
-        drop(
-            self.0
-                .write()
-                .unwrap_or_else(PoisonError::into_inner)
-                .take(),
-        );
+        drop(self.0.write().unwrap_or_else(PoisonError::into_inner).take());
     }
 }
 
@@ -36,19 +31,13 @@ pub struct Publisher<M: Message> {
 
 impl<M: Message> Clone for Publisher<M> {
     fn clone(&self) -> Self {
-        Publisher {
-            topic: Arc::clone(&self.topic),
-            slot: Arc::clone(&self.slot),
-        }
+        Publisher { topic: Arc::clone(&self.topic), slot: Arc::clone(&self.slot) }
     }
 }
 
 impl<M: Message> Publisher<M> {
     pub(crate) fn new(topic: String, slot: Arc<Slot<M>>) -> Self {
-        Publisher {
-            topic: topic.into(),
-            slot,
-        }
+        Publisher { topic: topic.into(), slot }
     }
 
     /// The topic's full name.
@@ -69,10 +58,7 @@ impl<M: Message> Publisher<M> {
         };
         publisher.publish(message).map_err(|error| match error {
             WriteError::WouldBlock { .. } => PublishError::Full { topic: topic() },
-            other => PublishError::Middleware {
-                topic: topic(),
-                reason: other.forget_data().to_string(),
-            },
+            other => PublishError::Middleware { topic: topic(), reason: other.forget_data().to_string() },
         })
     }
 }

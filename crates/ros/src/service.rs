@@ -10,37 +10,29 @@ use tokio::task::JoinHandle;
 
 use crate::Wire;
 
+type Refuse<S> = Box<dyn Fn(&<S as Service>::Request) -> <S as Service>::Response + Send + Sync>;
+
 /// How a service deals with requests that wait.
 pub struct ServeOptions<S: Service> {
     waiting: usize,
-    refuse: Option<Box<dyn Fn(&S::Request) -> S::Response + Send + Sync>>,
+    refuse: Option<Refuse<S>>,
 }
 
 impl<S: Service> Default for ServeOptions<S> {
     /// Every request waits for its turn.
     fn default() -> Self {
-        ServeOptions {
-            waiting: usize::MAX,
-            refuse: None,
-        }
+        ServeOptions { waiting: usize::MAX, refuse: None }
     }
 }
 
 impl<S: Service> ServeOptions<S> {
     /// At most `waiting` requests wait behind the one that is being answered; `refuse` answers those beyond.
-    pub fn bounded(
-        waiting: usize,
-        refuse: impl Fn(&S::Request) -> S::Response + Send + Sync + 'static,
-    ) -> Self {
-        ServeOptions {
-            waiting,
-            refuse: Some(Box::new(refuse)),
-        }
+    pub fn bounded(waiting: usize, refuse: impl Fn(&S::Request) -> S::Response + Send + Sync + 'static) -> Self {
+        ServeOptions { waiting, refuse: Some(Box::new(refuse)) }
     }
 }
 
-type Endpoint<S> =
-    ros2_client::Server<Wire<<S as Service>::Request>, Wire<<S as Service>::Response>>;
+type Endpoint<S> = ros2_client::Server<Wire<<S as Service>::Request>, Wire<<S as Service>::Response>>;
 
 /// Receives at all times, so that the middleware's own short queue never overflows, and answers one after the other.
 pub(crate) async fn serve<S: Service>(
@@ -96,12 +88,7 @@ pub(crate) async fn serve<S: Service>(
     }
 }
 
-async fn respond<S: Service>(
-    service: &str,
-    server: &Endpoint<S>,
-    id: RmwRequestId,
-    response: S::Response,
-) {
+async fn respond<S: Service>(service: &str, server: &Endpoint<S>, id: RmwRequestId, response: S::Response) {
     if let Err(error) = server.async_send_response(id, Wire(response)).await {
         tracing::error!("service {service}: the response could not be sent: {error}");
     }
