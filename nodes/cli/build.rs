@@ -3,11 +3,7 @@
 fn main() {
     // Inside the clone: target/<profile>/program and target/<profile>/deps/test.
     // Installed: lib/<package>/program beside lib/libmujoco.so.
-    for folder in [
-        "$ORIGIN/../../.tools/mujoco/lib",
-        "$ORIGIN/../../../.tools/mujoco/lib",
-        "$ORIGIN/..",
-    ] {
+    for folder in ["$ORIGIN/../../.tools/mujoco/lib", "$ORIGIN/../../../.tools/mujoco/lib", "$ORIGIN/.."] {
         println!("cargo::rustc-link-arg=-Wl,-rpath,{folder}");
     }
     // The target folder may be elsewhere (CARGO_TARGET_DIR): the path used for linking, last.

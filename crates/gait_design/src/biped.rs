@@ -1,9 +1,10 @@
 //! The two bipeds of the decomposition at one instant of the step: everything a point of the program needs, in the front
 //! biped's coordinates (q_r = A q_f, Ma & Ames 2020, II-C).
 
+use decomposition::{Pairing, Side};
 use nalgebra::{Matrix3xX, SMatrix, SVector, Vector3};
-use rigid_body::{Data, FrameId, Model, ModelError};
-use robot::Robot;
+use rigid_body::{Data, FrameId, Model};
+use robot::{Robot, RobotError};
 
 /// Legs of the front biped.
 const FRONT: [usize; 2] = [0, 2];
@@ -81,43 +82,33 @@ struct Biped {
     data: Data,
     stance: FrameId,
     swing: FrameId,
-    /// For each of its coordinates, the front biped's that it follows, and the sign.
+    /// For each of its coordinates, the front biped's that it follows, and the sign: A, row by row.
     follows: [(usize, f64); DOF],
 }
 
-/// The two bipeds of a robot, each with half of the torso, and their workspaces.
-pub struct Bipeds {
+/// The two bipeds of a robot, each with half of the torso, evaluated together in the front one's coordinates.
+pub struct BipedPair {
     front: Biped,
     rear: Biped,
+    pairing: Pairing,
     hip_x_m: [f64; 4],
     total_mass_kg: f64,
     /// Whether `evaluate` is to write the derivatives as well.
     pub(crate) with_derivatives: bool,
 }
 
-impl Bipeds {
-    /// Splits the robot. Leg 1 follows leg 2 and leg 3 follows leg 0, with the mirror's signs (M = [[0, m], [m, 0]], b = 0).
-    pub fn new(robot: &Robot) -> Result<Self, ModelError> {
+impl BipedPair {
+    /// Splits the robot; the rear biped follows the front one by `pairing`.
+    pub fn new(robot: &Robot, pairing: Pairing) -> Result<Self, RobotError> {
         // Any split of the torso gives the same accelerations, forces and torques; only λc depends on it.
         const TORSO_SHARE: f64 = 0.5;
-        let names = robot.joint_names();
-        let model = |legs: [usize; 2]| {
-            let joints: Vec<&str> =
-                legs.iter().flat_map(|&leg| names[3 * leg..3 * leg + 3].iter().map(String::as_str)).collect();
-            robot.model.subtree(&joints, TORSO_SHARE)
-        };
-        let biped = |legs: [usize; 2], stance: usize, swing: usize, follows: [(usize, f64); DOF]| {
-            let model = model(legs)?;
+        let bipeds = decomposition::Bipeds::new(robot, TORSO_SHARE)?;
+        let biped = |side: Side, stance: usize, swing: usize, follows: [(usize, f64); DOF]| {
+            let model = bipeds.model(side).clone();
             let data = Data::new(&model);
-            Ok(Biped { data, model, stance: robot.legs[stance].toe, swing: robot.legs[swing].toe, follows })
+            Biped { data, model, stance: robot.legs[stance].toe, swing: robot.legs[swing].toe, follows }
         };
-        let own = std::array::from_fn(|i| (i, 1.0));
-        let sign = robot.mirror.joint_sign;
-        let crossed = std::array::from_fn(|i| match i {
-            0..6 => (i, 1.0),
-            6..9 => (i + 3, sign[i - 6]),
-            _ => (i - 3, sign[i - 9]),
-        });
+        let names = robot.joint_names();
         let mut data = Data::new(&robot.model);
         let q = vec![0.0; robot.model.dof()];
         rigid_body::forward_kinematics(&robot.model, &mut data, &q, &q, &q);
@@ -128,8 +119,9 @@ impl Bipeds {
             rigid_body::frame_position(&robot.model, &data, frame).x
         });
         Ok(Self {
-            front: biped(FRONT, 2, FRONT_SWING, own)?,
-            rear: biped(REAR, 1, REAR_SWING, crossed)?,
+            front: biped(Side::Front, 2, FRONT_SWING, std::array::from_fn(|i| (i, 1.0))),
+            rear: biped(Side::Rear, 1, REAR_SWING, std::array::from_fn(|i| pairing.row(i))),
+            pairing,
             hip_x_m,
             total_mass_kg: robot.model.total_mass(),
             with_derivatives: true,
@@ -157,9 +149,8 @@ impl Bipeds {
         (self.hip_x_m[2] - self.hip_x_m[1]).hypot(2.0 * half_width_m)
     }
 
-    /// The rear biped's coordinates that go with the front's: A w.
-    pub(crate) fn rear_from_front(&self, w: &[f64; DOF]) -> [f64; DOF] {
-        self.rear.follows.map(|(from, sign)| sign * w[from])
+    pub(crate) fn pairing(&self) -> &Pairing {
+        &self.pairing
     }
 
     /// Position of a front biped's toe in the world for base coordinates and joints `q`, and its Jacobian by the leg's
@@ -183,7 +174,7 @@ impl Bipeds {
         lambda_2: Vector3<f64>,
         out: &mut PointDynamics,
     ) {
-        let (q_r, v_r, a_r) = (self.rear_from_front(q), self.rear_from_front(v), self.rear_from_front(a));
+        let (q_r, v_r, a_r) = (self.pairing.position(q), self.pairing.rate(v), self.pairing.rate(a));
         evaluate(&mut self.front, q, v, a, lambda_2, &mut out.front, self.with_derivatives);
         evaluate(&mut self.rear, &q_r, &v_r, &a_r, lambda_1, &mut out.rear, self.with_derivatives);
     }

@@ -1,7 +1,7 @@
 //! A start for the solver: the body glides at constant height and speed, stance toes stay where they are, swing toes follow
 //! a smooth arc; joints by inverse kinematics, fitted by Bézier polynomials.
 
-use crate::biped::{Bipeds, PointDynamics};
+use crate::biped::{BipedPair, PointDynamics};
 use crate::program::{DOF, DecomposedProgram, layout as at};
 use crate::request::GaitRequest;
 use gait::bezier;
@@ -106,7 +106,7 @@ pub(crate) fn nominal(
 
 /// Damped Newton from `near`, whose three joints of the leg it replaces.
 fn inverse_kinematics(
-    bipeds: &mut Bipeds,
+    bipeds: &mut BipedPair,
     swing: bool,
     base: &[f64; 6],
     near: &mut [f64; 6],

@@ -16,8 +16,9 @@ mod guess;
 mod program;
 mod recompose;
 mod request;
+mod verification;
 
-pub use biped::Bipeds;
+pub use biped::BipedPair;
 pub use condensed::Condensed;
 pub use guess::Unreachable;
 pub use program::{DecomposedProgram, ProgramSettings};
@@ -26,6 +27,9 @@ pub use request::{
     GaitRequest, RequestError, behaviours, step_duration_from_step_frequency, step_duration_from_stride_frequency,
 };
 
+pub use verification::{StepComparison, simulate_planned_step};
+
+use decomposition::Pairing;
 use gait::{Gait, GaitError, SolverSummary};
 use nlp::{Iteration, Settings, Solution, SqpSolver, Status};
 use robot::Robot;
@@ -87,7 +91,7 @@ pub enum PlanError {
     Unreachable(#[from] Unreachable),
     /// The robot cannot be split into two bipeds.
     #[error("the robot cannot be split into two bipeds: {0}")]
-    Model(#[from] rigid_body::ModelError),
+    Robot(#[from] robot::RobotError),
     /// The program contradicts itself before the first iteration.
     #[error(transparent)]
     Problem(#[from] nlp::ProblemError),
@@ -122,7 +126,7 @@ pub fn plan(
     progress: impl FnMut(&Iteration) -> ControlFlow<()>,
 ) -> Result<Plan, PlanError> {
     request.validate(leg_length_m(robot))?;
-    let bipeds = Bipeds::new(robot)?;
+    let bipeds = BipedPair::new(robot, Pairing::diagonal(robot.mirror.joint_sign))?;
     let mut program = DecomposedProgram::new(robot, bipeds, request, options.program.clone());
     let start = guess::nominal(robot, &mut program, request)?;
     let solver = SqpSolver::new(options.solver.clone())?;

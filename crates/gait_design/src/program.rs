@@ -5,7 +5,7 @@
 //! λc ∈ R⁶ and the rear torques u_r ∈ R⁶ (which the paper leaves unbounded). The impulses are left out: a soft touchdown has
 //! none. In the first step, which is the one planned, toes 1 and 2 stand, toes 0 and 3 swing.
 
-use crate::biped::{Bipeds, FRONT_SWING, PointDynamics, REAR_SWING};
+use crate::biped::{BipedPair, FRONT_SWING, PointDynamics, REAR_SWING};
 use crate::request::GaitRequest;
 use gait::bezier;
 use nlp::{Bounds, Evaluation, Pattern, Problem};
@@ -122,7 +122,7 @@ pub(crate) const BASE_MIRROR: [f64; 6] = [1.0, -1.0, 1.0, -1.0, 1.0, -1.0];
 
 /// The program of one request on one robot.
 pub struct DecomposedProgram {
-    bipeds: Bipeds,
+    bipeds: BipedPair,
     settings: ProgramSettings,
     speed_m_s: f64,
     friction_face: f64,
@@ -161,7 +161,7 @@ impl Sink for ValuesSink<'_> {
 
 impl DecomposedProgram {
     /// Builds the program. The request has been validated.
-    pub fn new(robot: &Robot, bipeds: Bipeds, request: &GaitRequest, settings: ProgramSettings) -> Self {
+    pub fn new(robot: &Robot, bipeds: BipedPair, request: &GaitRequest, settings: ProgramSettings) -> Self {
         let points = settings.points;
         assert!(points >= 7 && points % 2 == 1, "{points} Hermite–Simpson points: expected an odd number from 7");
         let distance = bipeds.nominal_toe_distance_m(request.half_width_m);
@@ -200,11 +200,11 @@ impl DecomposedProgram {
         self.settings.points
     }
 
-    pub(crate) fn bipeds(&self) -> &Bipeds {
+    pub(crate) fn bipeds(&self) -> &BipedPair {
         &self.bipeds
     }
 
-    pub(crate) fn bipeds_mut(&mut self) -> &mut Bipeds {
+    pub(crate) fn bipeds_mut(&mut self) -> &mut BipedPair {
         &mut self.bipeds
     }
 

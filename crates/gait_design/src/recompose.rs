@@ -36,8 +36,10 @@ pub(crate) fn points(robot: &Robot, program: &DecomposedProgram, x: &[f64]) -> R
     (0..program.points())
         .map(|index| {
             let p = &x[at::point(index)..at::point(index + 1)];
-            let full = |start: usize| whole(program, p[start..start + DOF].try_into().expect("twelve entries"));
-            let (q, v, a) = (full(at::Q), full(at::V), full(at::A));
+            let front = |start: usize| -> [f64; DOF] { p[start..start + DOF].try_into().expect("twelve entries") };
+            let pairing = program.bipeds().pairing();
+            let q = pairing.recompose_position(&front(at::Q));
+            let (v, a) = (pairing.recompose_rate(&front(at::V)), pairing.recompose_rate(&front(at::A)));
             let force = |start: usize| Vector3::from_column_slice(&p[start..start + 3]);
             let (lambda_1, lambda_2) = (force(at::LAMBDA_1), force(at::LAMBDA_2));
             let forces = [(robot.legs[1].toe, lambda_1), (robot.legs[2].toe, lambda_2)];
@@ -62,17 +64,6 @@ pub(crate) fn points(robot: &Robot, program: &DecomposedProgram, x: &[f64]) -> R
         .collect()
 }
 
-/// The quadruped's coordinates from the front biped's.
-fn whole(program: &DecomposedProgram, front: &[f64; DOF]) -> [f64; 18] {
-    let rear = program.bipeds().rear_from_front(front);
-    std::array::from_fn(|i| match i {
-        0..9 => front[i],
-        9..12 => rear[i - 3],
-        12..15 => front[i - 3],
-        _ => rear[i - 6],
-    })
-}
-
 /// The gait of a solution.
 pub(crate) fn gait(
     robot: &Robot,
@@ -89,7 +80,8 @@ pub(crate) fn gait(
         for j in 0..6 {
             front[6 + j] = x[at::alpha(k, j)];
         }
-        let all = whole(program, &front);
+        // The basis sums to one, so an offset of the joint is one of each of them.
+        let all = program.bipeds().pairing().recompose_position(&front);
         for j in 0..JOINTS {
             coefficients_rad[j][k] = all[6 + j];
         }

@@ -25,8 +25,12 @@ fn noise(seed: u64) -> impl FnMut() -> f64 {
 fn the_jacobian_agrees_with_central_differences_everywhere() {
     let robot = vision60();
     let request = GaitRequest::named("amble", &robot).unwrap();
-    let mut program =
-        DecomposedProgram::new(&robot, Bipeds::new(&robot).unwrap(), &request, ProgramSettings::default());
+    let mut program = DecomposedProgram::new(
+        &robot,
+        BipedPair::new(&robot, Pairing::diagonal(robot.mirror.joint_sign)).unwrap(),
+        &request,
+        ProgramSettings::default(),
+    );
     let mut x = guess::nominal(&robot, &mut program, &request).unwrap();
     let mut random = noise(7);
     for v in &mut x {
@@ -195,8 +199,12 @@ fn the_condensed_subproblem_walks_the_sparse_one_s_path_to_the_same_optimum() {
     let robot = vision60();
     for name in behaviours() {
         let request = GaitRequest::named(name, &robot).unwrap();
-        let mut program =
-            DecomposedProgram::new(&robot, Bipeds::new(&robot).unwrap(), &request, ProgramSettings::default());
+        let mut program = DecomposedProgram::new(
+            &robot,
+            BipedPair::new(&robot, Pairing::diagonal(robot.mirror.joint_sign)).unwrap(),
+            &request,
+            ProgramSettings::default(),
+        );
         let start = guess::nominal(&robot, &mut program, &request).unwrap();
         let solver = SqpSolver::new(PlanOptions::default().solver).unwrap();
         let sparse = solver.solve(&mut program, &start, go_on).unwrap();
@@ -207,5 +215,17 @@ fn the_condensed_subproblem_walks_the_sparse_one_s_path_to_the_same_optimum() {
         for (a, b) in sparse.log.iter().zip(&condensed.log) {
             assert!((a.objective - b.objective).abs() < 1e-6, "{name}, iteration {}: {a:?}, {b:?}", a.number);
         }
+    }
+}
+
+#[test]
+fn the_full_order_quadruped_simulated_for_a_step_follows_every_plan() {
+    let robot = vision60();
+    for name in behaviours() {
+        let request = GaitRequest::named(name, &robot).unwrap();
+        let plan = plan(&robot, &request, &PlanOptions::default(), go_on).unwrap();
+        let comparison = simulate_planned_step(&robot, &plan.gait, &plan.points).unwrap();
+        println!("{name}: {comparison:?}");
+        assert!(comparison.follows_plan(), "{name}: {comparison:?}");
     }
 }

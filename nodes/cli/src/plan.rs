@@ -46,6 +46,9 @@ pub struct Arguments {
     /// Where to write the gait file; with `all`, a folder
     #[arg(short, long, value_name = "FILE")]
     output: Option<PathBuf>,
+    /// Simulate the planned step with the full-order model and say how far it departs from the plan
+    #[arg(long)]
+    verify: bool,
     /// Print every iteration of the solver
     #[arg(short, long)]
     verbose: bool,
@@ -62,6 +65,7 @@ pub fn run(arguments: &Arguments) -> Result<ExitCode> {
         std::fs::create_dir_all(folder).with_context(|| format!("cannot make the folder {}", folder.display()))?;
     }
     println!("{:8} {:>10} {:>8} {:>12} {:>12} {:>9}  file", "gait", "iterations", "time s", "cost", "violation", "T s");
+    let mut followed = true;
     for name in names {
         let request = arguments.request(name, &robot)?;
         let plan = timed(&robot, &request, arguments.verbose)?;
@@ -79,6 +83,12 @@ pub fn run(arguments: &Arguments) -> Result<ExitCode> {
             plan.gait.step_duration_s,
             file.map_or_else(|| "not written: give -o FILE".into(), |f| f.display().to_string())
         );
+        if arguments.verify && !verify(&robot, &plan)? {
+            followed = false;
+        }
+    }
+    if !followed {
+        bail!("the full-order model does not follow every plan: see above");
     }
     Ok(ExitCode::SUCCESS)
 }
@@ -126,6 +136,24 @@ fn timed(robot: &robot::Robot, request: &GaitRequest, verbose: bool) -> Result<P
     .with_context(|| format!("cannot plan {}", request.behaviour))?;
     plan.gait.solver.solve_time_s = start.elapsed().as_secs_f64();
     Ok(plan)
+}
+
+/// Simulates the planned step with the full-order model, prints how it compares, and says whether it follows the plan.
+fn verify(robot: &robot::Robot, plan: &Plan) -> Result<bool> {
+    let c = gait_design::simulate_planned_step(robot, &plan.gait, &plan.points)
+        .with_context(|| format!("cannot simulate {}", plan.gait.name))?;
+    let follows = c.follows_plan();
+    println!(
+        "         full-order step {}: joints within {:.1e} rad, body {:.1e} m and {:.1e} rad, normal forces {:.3} %, toes land at {:+.1e} and {:+.1e} m",
+        if follows { "follows the plan" } else { "DOES NOT FOLLOW the plan" },
+        c.joint_error_rad,
+        c.body_position_error_m,
+        c.body_orientation_error_rad,
+        100.0 * c.normal_force_error,
+        c.landing_height_m[0],
+        c.landing_height_m[1]
+    );
+    Ok(follows)
 }
 
 /// Writes the whole file or none of it.

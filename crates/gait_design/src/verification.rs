@@ -1,0 +1,157 @@
+//! The paper's Fig. "bi2quad": one step of the full-order quadruped, simulated from the gait's start under the input–output
+//! linearising law, beside the plan of the decomposed front biped. Nothing of the decomposition is used here.
+
+use crate::recompose::PlanPoint;
+use decomposition::DynamicsError;
+use decomposition::simulation::{Contacts, Options, State, simulate_phase};
+use gait::{Gait, JOINTS, bezier};
+use nalgebra::{DMatrix, DVector};
+use rigid_body::{Data, Model, crba, rnea};
+use robot::Robot;
+
+/// How far the simulated step departs from the plan.
+#[derive(Clone, Debug, PartialEq)]
+pub struct StepComparison {
+    /// Largest difference of a joint position over the points, rad.
+    pub joint_error_rad: f64,
+    /// Largest difference of the body's position, m.
+    pub body_position_error_m: f64,
+    /// Largest difference of the body's roll, pitch or yaw, rad.
+    pub body_orientation_error_rad: f64,
+    /// Largest difference of a stance toe's normal force, as a fraction of the robot's weight.
+    pub normal_force_error: f64,
+    /// Heights of toes 0 and 3 above the floor when the step ends, m.
+    pub landing_height_m: [f64; 2],
+}
+
+/// Proportional and derivative gains of the linearised outputs, 1/s² and 1/s.
+const OUTPUT_GAINS: (f64, f64) = (900.0, 60.0);
+
+/// Simulates the first step of a plan with the full-order model and compares.
+///
+/// # Errors
+///
+/// If the robot leaves the postures in which its dynamics can be solved.
+pub fn simulate_planned_step(
+    robot: &Robot,
+    gait: &Gait,
+    points: &[PlanPoint],
+) -> Result<StepComparison, DynamicsError> {
+    let model = &robot.model;
+    let t = gait.step_duration_s;
+    let stance = [robot.legs[1].toe, robot.legs[2].toe];
+    let swing = [robot.legs[0].toe, robot.legs[3].toe];
+    let start = State { time_s: 0.0, q: points[0].q.to_vec(), v: points[0].v.to_vec() };
+    let times: Vec<f64> = points.iter().map(|p| p.phase * t).collect();
+    let mut data = Data::new(model);
+    let phase = simulate_phase(
+        model,
+        &start,
+        t,
+        // The step ends by time, as the walking controller's does.
+        Contacts { stance: &stance, swing: &[] },
+        &times,
+        &Options { relative_tolerance: 1e-7, absolute_tolerance: 1e-7, ..Options::default() },
+        |time, q, v, torque| {
+            let wanted = output_acceleration(gait, time, q, v);
+            let solution = linearise(model, &mut data, &stance, q, v, &wanted);
+            torque.copy_from_slice(&solution.torque);
+        },
+    )?;
+
+    let mut comparison = StepComparison {
+        joint_error_rad: 0.0,
+        body_position_error_m: 0.0,
+        body_orientation_error_rad: 0.0,
+        normal_force_error: 0.0,
+        landing_height_m: [0.0; 2],
+    };
+    let weight = model.total_mass() * model.gravity.norm();
+    for point in points {
+        let time = point.phase * t;
+        let state = std::iter::once(&start)
+            .chain(&phase.states)
+            .min_by(|a, b| (a.time_s - time).abs().total_cmp(&(b.time_s - time).abs()))
+            .expect("the start at least");
+        let largest =
+            |range: std::ops::Range<usize>| range.map(|i| (state.q[i] - point.q[i]).abs()).fold(0.0, f64::max);
+        comparison.body_position_error_m = comparison.body_position_error_m.max(largest(0..3));
+        comparison.body_orientation_error_rad = comparison.body_orientation_error_rad.max(largest(3..6));
+        comparison.joint_error_rad = comparison.joint_error_rad.max(largest(6..18));
+        let wanted = output_acceleration(gait, time, &state.q, &state.v);
+        let forces = linearise(model, &mut data, &stance, &state.q, &state.v, &wanted).normal_force;
+        for (force, leg) in forces.into_iter().zip([1, 2]) {
+            let error = (force - point.ground_force_n[leg][2]).abs() / weight;
+            comparison.normal_force_error = comparison.normal_force_error.max(error);
+        }
+    }
+    let end = phase.last();
+    rigid_body::forward_kinematics(model, &mut data, &end.q, &end.v, &end.v);
+    comparison.landing_height_m = swing.map(|toe| rigid_body::frame_position(model, &data, toe).z);
+    Ok(comparison)
+}
+
+/// θ̈ that makes the outputs y = θ − B(t) decay: ÿ = −k1 ẏ − k2 y.
+fn output_acceleration(gait: &Gait, time: f64, q: &[f64], v: &[f64]) -> [f64; JOINTS] {
+    let t = gait.step_duration_s;
+    let s = (time / t).clamp(0.0, 1.0);
+    let (value, slope, second) =
+        (bezier::basis(s), bezier::basis_first_derivative(s), bezier::basis_second_derivative(s));
+    let (stiffness, damping) = OUTPUT_GAINS;
+    std::array::from_fn(|j| {
+        let c = &gait.coefficients_rad[j];
+        let y = q[6 + j] - bezier::combine(c, &value);
+        let dy = v[6 + j] - bezier::combine(c, &slope) / t;
+        bezier::combine(c, &second) / (t * t) - damping * dy - stiffness * y
+    })
+}
+
+struct Linearised {
+    torque: [f64; JOINTS],
+    normal_force: [f64; 2],
+}
+
+/// Torques that give the joints their accelerations on the ground: the base's six rows and the contacts are solved in the
+/// least-squares sense for the base's acceleration and the ground forces. (With all joints prescribed the contacts have one
+/// row too many, the distance of the toes, and one force too many, along the line between them.)
+fn linearise(
+    model: &Model,
+    data: &mut Data,
+    stance: &[rigid_body::FrameId; 2],
+    q: &[f64],
+    v: &[f64],
+    joints: &[f64; JOINTS],
+) -> Linearised {
+    let mut a = [0.0; 18];
+    a[6..].copy_from_slice(joints);
+    let mut jacobian = DMatrix::zeros(6, 18);
+    let mut drift = DVector::zeros(6);
+    for (k, toe) in stance.iter().enumerate() {
+        let point = rigid_body::point_kinematics(model, data, q, v, &a, *toe);
+        jacobian.fixed_view_mut::<3, 18>(3 * k, 0).copy_from(&point.jacobian);
+        drift.fixed_rows_mut::<3>(3 * k).copy_from(&point.acceleration);
+    }
+    let mass = crba(model, data, q).clone();
+    let tau = rnea(model, data, q, v, &a, &[]).clone();
+    let mut matrix = DMatrix::zeros(12, 12);
+    matrix.view_mut((0, 0), (6, 6)).copy_from(&mass.view((0, 0), (6, 6)));
+    matrix.view_mut((0, 6), (6, 6)).copy_from(&(-jacobian.columns(0, 6).transpose()));
+    matrix.view_mut((6, 0), (6, 6)).copy_from(&jacobian.columns(0, 6));
+    let mut right = DVector::zeros(12);
+    right.rows_mut(0, 6).copy_from(&(-tau.rows(0, 6)));
+    right.rows_mut(6, 6).copy_from(&(-&drift));
+    let solution = matrix.svd(true, true).solve(&right, 1e-7).expect("both factors were asked for");
+    let force = solution.rows(6, 6).into_owned();
+    let torque = tau + mass.columns(0, 6) * solution.rows(0, 6) - jacobian.tr_mul(&force);
+    Linearised { torque: std::array::from_fn(|j| torque[6 + j]), normal_force: [force[2], force[5]] }
+}
+
+impl StepComparison {
+    /// Whether the full-order step follows the plan: joints within 1e-3 rad, normal forces within 1 % of the weight, and
+    /// the swing toes within 2 mm of the floor when the step ends.
+    pub fn follows_plan(&self) -> bool {
+        self.joint_error_rad <= 1e-3
+            && self.normal_force_error <= 0.01
+            && self.landing_height_m.iter().all(|h| h.abs() <= 2e-3)
+    }
+}
