@@ -6,6 +6,7 @@ pub mod inbox;
 pub mod measure;
 pub mod ports;
 pub mod simulator;
+pub mod walk;
 
 use std::path::{Path, PathBuf};
 

@@ -1,7 +1,6 @@
 //! The node over real DDS between two processes: this test is the controller's side, the program built here is the bridge.
 
 use gait::{Gait, StepSide};
-use robot::Robot;
 use ros::{Arguments, Node, Qos};
 use std::path::Path;
 use std::process::{Child, Command, Stdio};

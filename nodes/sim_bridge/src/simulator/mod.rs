@@ -504,6 +504,11 @@ impl Simulator {
         (height < FALLEN_HEIGHT_FRACTION * self.first_height_m).then_some(Fall::Low)
     }
 
+    /// From now on a fall is judged against this height of the base above the toe centres, m (after standing up, for example).
+    pub fn expect_height(&mut self, height_m: f64) {
+        self.first_height_m = height_m;
+    }
+
     /// Height of the base above the toe centres of a robot that stands on the ground below it, m.
     pub fn height_m(&self) -> f64 {
         let qpos = self.data.qpos();

@@ -1,0 +1,83 @@
+//! The controller and the simulator together.
+
+use control::Mode;
+use gait::Gait;
+use robot::Robot;
+use std::path::Path;
+use tandem_sim_bridge::simulator::{Posture, Push, SimulatorOptions};
+use tandem_sim_bridge::walk::{End, Start, Walk, WalkError, WalkOptions, walk};
+
+fn vision60() -> Robot {
+    Robot::load(&Path::new(env!("CARGO_MANIFEST_DIR")).join("../../config/robots/vision60")).unwrap()
+}
+
+fn amble() -> Gait {
+    Gait::from_json(include_str!("data/amble.json")).unwrap()
+}
+
+fn run(options: WalkOptions) -> Result<Walk, WalkError> {
+    walk(&vision60(), &amble(), &options, &mut |_, _, _| {})
+}
+
+/// The controller's own step walks as an independent program's bare law does on the same gait file (mean torques within 5 %).
+#[test]
+fn the_controller_walks_the_amble_as_the_bare_law_does_elsewhere() {
+    let walk = run(WalkOptions::default()).unwrap();
+    assert_eq!(walk.end, End::Upright);
+    assert_eq!(walk.cycles, 20_000);
+    let torque: [f64; 3] = walk.figures.mean_abs_torque_nm.into();
+    for (ours, theirs) in torque.into_iter().zip([10.87, 5.84, 17.27]) {
+        assert!((ours / theirs - 1.0).abs() < 0.05, "{torque:?}");
+    }
+    assert!((walk.figures.speed_m_s - 0.3605).abs() < 0.01, "{:?}", walk.figures);
+}
+
+#[test]
+fn it_stands_up_from_sitting_and_walks() {
+    let mut modes = Vec::new();
+    let options = WalkOptions { seconds: 6.0, start: Start::Posture(Posture::Sit), ..WalkOptions::default() };
+    let walk = walk(&vision60(), &amble(), &options, &mut |_, _, output| {
+        if modes.last() != Some(&output.mode) {
+            modes.push(output.mode);
+        }
+    })
+    .unwrap();
+    assert_eq!(walk.end, End::Upright, "{modes:?}");
+    assert_eq!(modes, [Mode::StandingUp, Mode::Starting, Mode::Walking]);
+    assert!((walk.figures.speed_m_s - 0.35).abs() < 0.05, "{:?}", walk.figures);
+}
+
+#[test]
+fn one_seed_one_walk_to_the_bit() {
+    let options = |seed| WalkOptions {
+        seconds: 2.0,
+        simulator: SimulatorOptions { joint_noise_rad: 0.03, seed, ..SimulatorOptions::default() },
+        ..WalkOptions::default()
+    };
+    assert_eq!(run(options(1)).unwrap(), run(options(1)).unwrap());
+    assert_ne!(run(options(1)).unwrap().state, run(options(2)).unwrap().state);
+}
+
+#[test]
+fn a_push_too_strong_ends_in_a_fall_that_is_told() {
+    let push = Push { start_s: 1.0, duration_s: 0.2, force_n: [0.0, 600.0, 0.0] };
+    let walk = run(WalkOptions { pushes: vec![push], ..WalkOptions::default() }).unwrap();
+    let (End::Fell { at_s, .. } | End::Fault { at_s, .. }) = walk.end else { panic!("{:?}", walk.end) };
+    assert!((1.0..4.0).contains(&at_s), "{at_s}");
+}
+
+#[test]
+fn options_that_cannot_be_are_named() {
+    for (options, expected) in [
+        (WalkOptions { seconds: f64::NAN, ..WalkOptions::default() }, "seconds is NaN"),
+        (WalkOptions { period_s: 0.00077, ..WalkOptions::default() }, "control period is 0.00077"),
+        (WalkOptions { command_delay_s: 0.0015, ..WalkOptions::default() }, "delay is 0.0015"),
+    ] {
+        let error = run(options).unwrap_err().to_string();
+        assert!(error.contains(expected), "{error}");
+    }
+    let mut other = amble();
+    other.robot = "solo12".into();
+    let error = walk(&vision60(), &other, &WalkOptions::default(), &mut |_, _, _| {}).unwrap_err().to_string();
+    assert!(error.contains("solo12"), "{error}");
+}
