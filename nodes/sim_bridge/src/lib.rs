@@ -4,6 +4,7 @@ pub mod bridge;
 pub mod config;
 pub mod inbox;
 pub mod measure;
+pub mod pictures;
 pub mod ports;
 pub mod simulator;
 pub mod walk;

@@ -368,6 +368,25 @@ impl Simulator {
         Ok(())
     }
 
+    /// Shows the robot in a given pose, at rest, without physics: for pictures.
+    pub fn pose(
+        &mut self,
+        base_position_m: [f64; 3],
+        roll_pitch_yaw_rad: [f64; 3],
+        joint_position_rad: &[f64; JOINTS],
+    ) {
+        let [roll, pitch, yaw] = roll_pitch_yaw_rad;
+        let q = UnitQuaternion::from_euler_angles(roll, pitch, yaw);
+        let [x, y, z] = base_position_m;
+        let qpos = self.data.qpos_mut();
+        qpos[..7].copy_from_slice(&[x, y, z, q.w, q.i, q.j, q.k]);
+        for j in 0..JOINTS {
+            qpos[self.position_at[j]] = joint_position_rad[j];
+        }
+        self.data.qvel_mut().fill(0.0);
+        self.data.forward();
+    }
+
     /// Adds a push. It acts while start ≤ time < start + duration.
     pub fn push(&mut self, push: Push) -> Result<(), SimulatorError> {
         let numbers = [push.start_s, push.duration_s, push.force_n[0], push.force_n[1], push.force_n[2]];

@@ -87,6 +87,26 @@ impl Image {
         Ok(bytes)
     }
 
+    /// Images of one size as an animated PNG's bytes, `frame_s` seconds each, repeating for ever. Programs that know no
+    /// animation show the first.
+    pub fn animated_png(images: &[Image], frame_s: f64) -> Result<Vec<u8>, PictureError> {
+        let draw = |e: png::EncodingError| PictureError::Draw(e.to_string());
+        let first = images.first().ok_or_else(|| PictureError::Draw("an animation needs at least one frame".into()))?;
+        let mut bytes = Vec::new();
+        let mut encoder = png::Encoder::new(&mut bytes, first.width as u32, first.height as u32);
+        encoder.set_color(png::ColorType::Rgb);
+        encoder.set_depth(png::BitDepth::Eight);
+        encoder.set_compression(png::Compression::High);
+        encoder.set_animated(images.len() as u32, 0).map_err(draw)?;
+        encoder.set_frame_delay((1e3 * frame_s).round().clamp(1.0, 6e4) as u16, 1000).map_err(draw)?;
+        let mut writer = encoder.write_header().map_err(draw)?;
+        for image in images {
+            writer.write_image_data(&image.rgb).map_err(draw)?;
+        }
+        writer.finish().map_err(draw)?;
+        Ok(bytes)
+    }
+
     /// Writes the image as a PNG file.
     pub fn write_png(&self, path: &Path) -> Result<(), PictureError> {
         std::fs::write(path, self.to_png()?)

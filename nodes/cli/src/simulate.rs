@@ -1,0 +1,295 @@
+//! `tandem simulate`: a gait file walks in MuJoCo, without ROS.
+
+use crate::robots::RobotArguments;
+use anyhow::{Context, Result};
+use gait::Gait;
+use robot::Robot;
+use std::path::{Path, PathBuf};
+use std::process::ExitCode;
+use std::time::Instant;
+use tandem_sim_bridge::pictures::{self, Studio};
+use tandem_sim_bridge::simulator::{Posture, Push, SimulatorOptions, Terrain};
+use tandem_sim_bridge::walk::{self, End, Start, Walk, WalkOptions};
+
+/// Walk gait files in MuJoCo under the controller's own step
+///
+/// The robot starts in the gait's initial state and the paper's PD law tracks the gait, mirrored at every step, with the
+/// robot's drives limited to what they can give. Says whether it stayed up, and its speed, drift and torques beside the
+/// paper's Table II. Ends with an error code if a robot fell. One seed gives one trajectory, to the bit.
+///
+///   tandem simulate amble.json
+///   tandem simulate amble.json --noise 0.03 --seed 4
+///   tandem simulate gaits/*.json --seconds 60 --json
+///   tandem simulate amble.json --slope 5 --mu 0.5 --push 3 0.1 0 100
+///   tandem simulate amble.json --start sit --out out/amble
+#[derive(clap::Args)]
+#[command(verbatim_doc_comment)]
+pub struct Arguments {
+    /// Gait files, as `tandem plan` writes them
+    #[arg(required = true, value_name = "FILE")]
+    files: Vec<PathBuf>,
+    /// Walking time, s
+    #[arg(long, value_name = "S", default_value_t = 20.0)]
+    seconds: f64,
+    /// Names the random start and the random ground
+    #[arg(long, default_value_t = 0)]
+    seed: u64,
+    /// Standard deviation of every joint's offset at the start, rad
+    #[arg(long, value_name = "RAD", default_value_t = 0.0)]
+    noise: f64,
+    /// Where the robot starts
+    #[arg(long, value_enum, default_value_t = StartArgument::Gait)]
+    start: StartArgument,
+    /// Coefficient of friction between toes and ground
+    #[arg(long, value_name = "MU", default_value_t = 0.8)]
+    mu: f64,
+    /// Ground that rises ahead, and to the left if a second number is given, degrees
+    #[arg(long, value_name = "DEG", num_args = 1..=2, group = "ground", allow_negative_numbers = true)]
+    slope: Option<Vec<f64>>,
+    /// Bumps of random height up to this, m
+    #[arg(long, value_name = "M", group = "ground")]
+    bumps: Option<f64>,
+    /// Stairs of this rise, m
+    #[arg(long, value_name = "M", group = "ground")]
+    stairs: Option<f64>,
+    /// Push on the base: seconds after the first step, duration in s, force ahead and to the left in N
+    #[arg(long, value_names = ["T", "DURATION", "FX", "FY"], num_args = 4, action = clap::ArgAction::Append, allow_negative_numbers = true)]
+    push: Vec<f64>,
+    /// Time that a command takes to the drives, a multiple of the control period, s
+    #[arg(long, value_name = "S", default_value_t = 0.0)]
+    delay: f64,
+    /// Time between two control cycles, s
+    #[arg(long, value_name = "S", default_value_t = 1e-3)]
+    period: f64,
+    /// Write phase portraits, torques, time series, footfalls, tiles and an animation of a stride (PNG) into this folder
+    #[arg(long, value_name = "FOLDER")]
+    out: Option<PathBuf>,
+    /// Print one JSON object for each file instead of text
+    #[arg(long)]
+    json: bool,
+    #[command(flatten)]
+    robot: RobotArguments,
+}
+
+#[derive(Clone, Copy, clap::ValueEnum)]
+enum StartArgument {
+    /// In the gait's initial state
+    Gait,
+    /// Standing; it blends into the gait
+    Stand,
+    /// Sitting; it stands up first
+    Sit,
+}
+
+/// Runs the subcommand.
+pub fn run(arguments: &Arguments) -> Result<ExitCode> {
+    let robot = arguments.robot.load()?;
+    let options = arguments.options();
+    let mut all_up = true;
+    for file in &arguments.files {
+        let text = std::fs::read_to_string(file).with_context(|| format!("cannot read {}", file.display()))?;
+        let gait = Gait::from_json(&text).with_context(|| file.display().to_string())?;
+        let out = arguments.out.as_ref().map(|folder| {
+            if arguments.files.len() == 1 { folder.clone() } else { folder.join(file.file_stem().unwrap_or_default()) }
+        });
+        let done = simulate(&robot, &gait, &options, out.as_deref()).with_context(|| file.display().to_string())?;
+        all_up &= done.walk.end == End::Upright;
+        if arguments.json {
+            println!("{}", done.json(&gait, &options));
+        } else {
+            print!("{}", done.text(&robot, &gait, &options));
+        }
+    }
+    Ok(if all_up { ExitCode::SUCCESS } else { ExitCode::FAILURE })
+}
+
+impl Arguments {
+    fn options(&self) -> WalkOptions {
+        let terrain = if let Some(slope) = &self.slope {
+            Terrain::Slope {
+                uphill_rad: slope[0].to_radians(),
+                sideways_rad: slope.get(1).copied().unwrap_or_default().to_radians(),
+            }
+        } else if let Some(height_m) = self.bumps {
+            Terrain::Rough { height_m, cell_m: 0.1 }
+        } else if let Some(rise_m) = self.stairs {
+            Terrain::Steps { rise_m, run_m: 0.4 }
+        } else {
+            Terrain::Flat
+        };
+        WalkOptions {
+            seconds: self.seconds,
+            start: match self.start {
+                StartArgument::Gait => Start::Gait,
+                StartArgument::Stand => Start::Posture(Posture::Stand),
+                StartArgument::Sit => Start::Posture(Posture::Sit),
+            },
+            period_s: self.period,
+            command_delay_s: self.delay,
+            pushes: self
+                .push
+                .chunks_exact(4)
+                .map(|p| Push { start_s: p[0], duration_s: p[1], force_n: [p[2], p[3], 0.0] })
+                .collect(),
+            simulator: SimulatorOptions {
+                friction: self.mu,
+                terrain,
+                seed: self.seed,
+                joint_noise_rad: self.noise,
+                ..SimulatorOptions::default()
+            },
+        }
+    }
+}
+
+struct Done {
+    walk: Walk,
+    wall_s: f64,
+    files: Vec<PathBuf>,
+    /// Why there are no pictures, where some were asked for.
+    no_pictures: Vec<String>,
+}
+
+fn simulate(robot: &Robot, gait: &Gait, options: &WalkOptions, out: Option<&Path>) -> Result<Done> {
+    let begin = Instant::now();
+    let mut samples = Vec::new();
+    let walk = walk::walk(robot, gait, options, &mut |_, state, _| {
+        if out.is_some() {
+            samples.push(pictures::sample(state));
+        }
+    })?;
+    let mut done = Done { walk, wall_s: begin.elapsed().as_secs_f64(), files: Vec::new(), no_pictures: Vec::new() };
+    if let Some(folder) = out {
+        std::fs::create_dir_all(folder).with_context(|| format!("cannot make the folder {}", folder.display()))?;
+        done.write(folder, "gait.json", gait.to_json().as_bytes())?;
+        done.draw(folder, robot, gait, options, &samples)?;
+    }
+    Ok(done)
+}
+
+impl Done {
+    fn write(&mut self, folder: &Path, name: &str, bytes: &[u8]) -> Result<()> {
+        let file = folder.join(name);
+        std::fs::write(&file, bytes).with_context(|| format!("cannot write {}", file.display()))?;
+        self.files.push(file);
+        Ok(())
+    }
+
+    fn draw(
+        &mut self,
+        folder: &Path,
+        robot: &Robot,
+        gait: &Gait,
+        options: &WalkOptions,
+        samples: &[report::Sample],
+    ) -> Result<()> {
+        let walking_from_s = self.walk.walking_from_s;
+        // A fall in the first steps, or a machine without OpenGL, leaves less to show. The walk itself is still told.
+        let mut tiles = Vec::new();
+        let filmed = Studio::new(robot, &options.simulator, gait, samples, walking_from_s).and_then(|mut studio| {
+            tiles = studio.tiles()?;
+            studio.animation()
+        });
+        match filmed {
+            Ok(animation) => self.write(folder, "walk.png", &animation)?,
+            Err(problem) => self.no_pictures.push(problem.to_string()),
+        }
+        let run = report::Run { gait, origin: report::Origin::Simulated, samples, walking_from_s, tiles: &tiles };
+        match report::render_run(folder, &run) {
+            Ok(pictures) => self.files.extend(pictures),
+            Err(problem @ report::ReportError::TooLittle { .. }) => self.no_pictures.push(problem.to_string()),
+            Err(problem) => return Err(problem.into()),
+        }
+        Ok(())
+    }
+
+    fn text(&self, robot: &Robot, gait: &Gait, options: &WalkOptions) -> String {
+        let f = &self.walk.figures;
+        let ground = match options.simulator.terrain {
+            Terrain::Flat => "flat ground".into(),
+            Terrain::Slope { uphill_rad, sideways_rad } => {
+                format!(
+                    "slope {:.1} deg ahead, {:.1} deg to the left",
+                    uphill_rad.to_degrees(),
+                    sideways_rad.to_degrees()
+                )
+            }
+            Terrain::Rough { height_m, .. } => format!("bumps up to {:.0} mm", 1e3 * height_m),
+            Terrain::Steps { rise_m, .. } => format!("stairs of {:.0} mm", 1e3 * rise_m),
+        };
+        let end = match &self.walk.end {
+            End::Upright => "upright to the end".into(),
+            End::Fell { at_s, fall } => format!("FELL at {at_s:.3} s: {fall}"),
+            End::Fault { at_s, fault } => format!("STOPPED at {at_s:.3} s by a fault: {fault}"),
+        };
+        let mut text = format!(
+            "{} on {}: {:.3} s steps, {ground}, friction {}, start noise {} rad, seed {}\n  {end} ({:.1} s)\n",
+            gait.name,
+            robot.name,
+            gait.step_duration_s,
+            options.simulator.friction,
+            options.simulator.joint_noise_rad,
+            options.simulator.seed,
+            f.time_s
+        );
+        text += &format!(
+            "  speed       asked {:.3} m/s, got {:.3} m/s ahead and {:.3} m/s to the left\n",
+            gait.speed_m_s(),
+            f.speed_m_s,
+            f.lateral_speed_m_s
+        );
+        text += &format!(
+            "  went        x {:.2} m, y {:.2} m, turned {:.1} deg\n",
+            f.drift_m[0], f.drift_m[1], f.turned_deg
+        );
+        text += &format!(
+            "  body        {:.3} m above the toes, roll ±{:.2} deg, pitch {:.2} ±{:.2} deg, largest tilt {:.1} deg\n",
+            f.height_m, f.roll_deviation_deg, f.pitch_mean_deg, f.pitch_deviation_deg, f.max_tilt_deg
+        );
+        let row = |name: &str, [roll, pitch, knee]: [f64; 3]| format!("  {name:24}{roll:9.2}{pitch:11.2}{knee:8.2}\n");
+        text += "  mean |torque|, Nm        hip roll  hip pitch    knee\n";
+        text += &row("  here", f.mean_abs_torque_nm.into());
+        if let Some(paper) = report::table_two(&gait.name) {
+            text += &row("  Table II, MuJoCo", paper.mujoco_nm);
+            text += &row("  Table II, experiment", paper.experiment_nm);
+        }
+        text += &format!(
+            "  largest torque {:.1} Nm; {:.2} % of samples at the drives' limit\n",
+            f.max_torque_nm,
+            100.0 * f.saturated_share
+        );
+        text += &format!("  {} control cycles in {:.2} s of wall time\n", self.walk.cycles, self.wall_s);
+        for file in &self.files {
+            text += &format!("  wrote {}\n", file.display());
+        }
+        for problem in &self.no_pictures {
+            text += &format!("  {problem}\n");
+        }
+        text
+    }
+
+    fn json(&self, gait: &Gait, options: &WalkOptions) -> serde_json::Value {
+        let (fell_at_s, fault) = match &self.walk.end {
+            End::Upright => (None, None),
+            End::Fell { at_s, .. } => (Some(*at_s), None),
+            End::Fault { at_s, fault } => (Some(*at_s), Some(fault)),
+        };
+        let paper = report::table_two(&gait.name);
+        serde_json::json!({
+            "gait": gait.name,
+            "step_duration_s": gait.step_duration_s,
+            "seed": options.simulator.seed,
+            "upright": self.walk.end == End::Upright,
+            "fell_at_s": fell_at_s,
+            "fault": fault,
+            "speed_asked_m_s": gait.speed_m_s(),
+            "figures": self.walk.figures,
+            "table_two_mujoco_nm": paper.map(|p| p.mujoco_nm),
+            "walking_from_s": self.walk.walking_from_s,
+            "cycles": self.walk.cycles,
+            "wall_s": self.wall_s,
+            "files": self.files,
+            "no_pictures": self.no_pictures,
+        })
+    }
+}
