@@ -4,6 +4,7 @@ use control::Mode;
 use gait::Gait;
 use robot::Robot;
 use std::path::Path;
+use tandem_sim_bridge::pictures::{self, Studio};
 use tandem_sim_bridge::simulator::{Posture, Push, SimulatorOptions};
 use tandem_sim_bridge::walk::{End, Start, Walk, WalkError, WalkOptions, walk};
 
@@ -80,4 +81,22 @@ fn options_that_cannot_be_are_named() {
     other.robot = "solo12".into();
     let error = walk(&vision60(), &other, &WalkOptions::default(), &mut |_, _, _| {}).unwrap_err().to_string();
     assert!(error.contains("solo12"), "{error}");
+}
+
+#[test]
+fn a_stride_is_pictured_from_samples() {
+    let (robot, gait, options) = (vision60(), amble(), WalkOptions { seconds: 3.0, ..WalkOptions::default() });
+    let mut samples = Vec::new();
+    walk(&robot, &gait, &options, &mut |_, state, _| samples.push(pictures::sample(state))).unwrap();
+    let mut studio = Studio::new(&robot, &options.simulator, &gait, &samples, 0.0).unwrap();
+    match studio.tiles() {
+        Ok(tiles) => {
+            assert_eq!(tiles.len(), 8);
+            assert!(tiles.windows(2).all(|pair| pair[0].time_s < pair[1].time_s && pair[0].image != pair[1].image));
+            assert!((tiles[7].time_s - 2.0 * gait.step_duration_s).abs() < 1e-9);
+        }
+        Err(e) => assert!(e.to_string().contains("apt-get install libegl1 libgl1-mesa-dri"), "{e}"),
+    }
+    let short = Studio::new(&robot, &options.simulator, &gait, &samples[..800], 0.0).err().unwrap().to_string();
+    assert!(short.contains("0.80 s"), "{short}");
 }
