@@ -23,6 +23,43 @@ messages! { "tandem_msgs";
         /// Feed-forward torque, Nm.
         torque: Vec<f64>,
     }
+    /// One cycle of the controller: all that its step saw besides the joint state itself and the gait, so that the recorded run
+    /// can be run again to the bit. Written to bags; not sent over the network.
+    ControlCycle {
+        /// stamp: time of the cycle on the controller's clock.
+        header: Header,
+        /// Cycles since the start, from 1.
+        index: u64,
+        /// Whether the step saw a joint state.
+        state_seen: bool,
+        /// The stamp of the recorded `JointState` that it saw, ns.
+        state_stamp_ns: u64,
+        /// When each joint's values arrived on the controller's clock, ns; 12 entries, or none without a state.
+        state_arrived_ns: Vec<u64>,
+        /// 12 entries, degrees Celsius; none where drives do not report it.
+        state_temperature_c: Vec<f64>,
+        /// 12 entries, or none where all are 0 (no error).
+        state_drive_error: Vec<u8>,
+        /// Roll and pitch of the base, rad; none where it is not measured.
+        tilt_rad: Vec<f64>,
+        /// What operators asked since the cycle before, in order: arm, disarm, stand, sit, walk, stop, `clear_fault NAME`,
+        /// `start_on_gait`.
+        requests: Vec<String>,
+        /// The emergency stop is pressed.
+        emergency_stop: bool,
+        /// 0: no gait arrived since the cycle before; n: the n-th recorded gait file did.
+        gait: u32,
+        /// A fault that the layer below noticed: its name, or empty.
+        fault: String,
+        /// Its joint, 0 to 11, or -1.
+        fault_joint: i32,
+        /// Its value.
+        fault_value: f64,
+        /// The limit that the value broke.
+        fault_limit: f64,
+        /// What the controller was doing after the step.
+        mode: String,
+    }
     /// How the optimisation of a gait ended.
     SolverReport {
         /// `converged`, or why it is not: the solver's own word.

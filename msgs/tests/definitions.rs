@@ -3,8 +3,8 @@
 use std::path::Path;
 
 use tandem_msgs::{
-    Action, ClearFault, ControllerState, Gait, GenerateGait, GenerateGaitAction, JointCommand, LoadGait, Message,
-    Service, SolverReport, definition,
+    Action, ClearFault, ControlCycle, ControllerState, Gait, GenerateGait, GenerateGaitAction, JointCommand, LoadGait,
+    Message, Service, SolverReport, definition,
 };
 
 /// The fields of a definition file's sections (one for a message, two for a service, three for an action).
@@ -45,6 +45,7 @@ fn assert_service<S: Service>() {
 
 #[test]
 fn messages_match_their_files() {
+    assert_message::<ControlCycle>();
     assert_message::<ControllerState>();
     assert_message::<Gait>();
     assert_message::<JointCommand>();
@@ -85,6 +86,7 @@ fn every_file_has_a_rust_type_and_is_built() {
         found,
         [
             "action/GenerateGait.action",
+            "msg/ControlCycle.msg",
             "msg/ControllerState.msg",
             "msg/Gait.msg",
             "msg/JointCommand.msg",

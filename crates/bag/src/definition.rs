@@ -12,7 +12,8 @@ use crate::BagError;
 const STANDARD_MESSAGES: &str = include_str!("standard_messages.txt");
 
 /// Tandem's own messages.
-const OWN_MESSAGES: [(&str, &str); 4] = [
+const OWN_MESSAGES: [(&str, &str); 5] = [
+    ("tandem_msgs/ControlCycle", include_str!("../../../msgs/msg/ControlCycle.msg")),
     ("tandem_msgs/ControllerState", include_str!("../../../msgs/msg/ControllerState.msg")),
     ("tandem_msgs/Gait", include_str!("../../../msgs/msg/Gait.msg")),
     ("tandem_msgs/JointCommand", include_str!("../../../msgs/msg/JointCommand.msg")),

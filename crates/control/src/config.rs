@@ -6,7 +6,8 @@ use rigid_body::{Data, center_of_mass, frame_position, rnea};
 use robot::Robot;
 
 /// A posture to hold on four feet.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
+#[serde(deny_unknown_fields)]
 pub struct Posture {
     /// Joint positions, rad.
     pub position_rad: [f64; JOINTS],
@@ -15,7 +16,8 @@ pub struct Posture {
 }
 
 /// Where the law is closed.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
+#[serde(rename_all = "snake_case")]
 pub enum DriveMode {
     /// At the drive: the whole tuple goes out.
     #[default]
@@ -26,7 +28,8 @@ pub enum DriveMode {
 }
 
 /// The controller's configuration. [`Config::validate`] is called by [`crate::Controller::new`].
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
+#[serde(deny_unknown_fields)]
 pub struct Config {
     /// The robot's name; a gait for another robot is refused.
     pub robot: String,

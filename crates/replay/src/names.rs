@@ -1,0 +1,65 @@
+//! The topics of a run, and the words for requests.
+
+use control::{Fault, Request};
+
+pub(crate) const JOINT_STATES: &str = "joint_states";
+pub(crate) const JOINT_COMMAND: &str = "joint_command";
+pub(crate) const CONTROL_CYCLE: &str = "control_cycle";
+pub(crate) const CONTROLLER_STATE: &str = "controller_state";
+pub(crate) const GAIT_FILE: &str = "gait_file";
+pub(crate) const CONTROLLER_CONFIG: &str = "controller_config";
+pub(crate) const ROBOT_DESCRIPTION: &str = "robot_description";
+pub(crate) const ODOM: &str = "odom";
+pub(crate) const GROUND_FORCE: &str = "ground_force";
+
+/// The topic's own name, without the namespace that it was recorded under.
+pub(crate) fn is(topic: &str, name: &str) -> bool {
+    topic == name || topic.strip_suffix(name).is_some_and(|front| front.ends_with('/'))
+}
+
+const PLAIN: [(&str, Request); 7] = [
+    ("arm", Request::Arm),
+    ("disarm", Request::Disarm),
+    ("stand", Request::Stand),
+    ("sit", Request::Sit),
+    ("walk", Request::Walk),
+    ("stop", Request::Stop),
+    ("start_on_gait", Request::StartOnGait),
+];
+
+const CLEAR_FAULT: &str = "clear_fault";
+
+pub(crate) fn request_word(request: &Request) -> String {
+    match request {
+        Request::ClearFault(fault) => format!("{CLEAR_FAULT} {}", fault.name()),
+        other => PLAIN.iter().find(|(_, plain)| plain == other).map_or(String::new(), |(word, _)| (*word).into()),
+    }
+}
+
+pub(crate) fn request_of(word: &str) -> Option<Request> {
+    if let Some(fault) = word.strip_prefix(CLEAR_FAULT) {
+        return Fault::from_name(fault.trim_start()).map(Request::ClearFault);
+    }
+    PLAIN.iter().find(|(plain, _)| *plain == word).map(|(_, request)| *request)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn every_request_has_a_word_of_its_own() {
+        let faults = Fault::ALL.into_iter().map(Request::ClearFault);
+        for request in PLAIN.into_iter().map(|(_, request)| request).chain(faults) {
+            assert_eq!(request_of(&request_word(&request)), Some(request));
+        }
+        assert_eq!(request_of("dance"), None);
+        assert_eq!(request_of("clear_fault dance"), None);
+    }
+
+    #[test]
+    fn a_topic_is_known_in_any_namespace() {
+        assert!(is("joint_states", JOINT_STATES) && is("/spot/joint_states", JOINT_STATES));
+        assert!(!is("/other_joint_states", JOINT_STATES));
+    }
+}

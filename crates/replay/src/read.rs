@@ -1,0 +1,290 @@
+//! Reading a run for a report: from a bag that [`crate::RunRecorder`] wrote, or one recorded from the topics of the nodes.
+
+use std::path::{Path, PathBuf};
+
+use bag::{Bag, BagTopic, from_cdr};
+use gait::{Gait, InitialState, JOINTS, LEGS, Mirror, SolverSummary};
+use report::Sample;
+use tandem_msgs::geometry_msgs::WrenchStamped;
+use tandem_msgs::nav_msgs::Odometry;
+use tandem_msgs::sensor_msgs::JointState;
+use tandem_msgs::{ControlCycle, ControllerState};
+
+use crate::ReplayError;
+use crate::names;
+
+/// The legs' names in the topics of ground forces, in the project's order.
+const LEG_NAMES: [&str; LEGS] = ["front_left", "rear_left", "front_right", "rear_right"];
+
+/// A run out of a bag. Times are seconds since the bag's first message.
+#[derive(Clone, Debug)]
+pub struct BehaviourRun {
+    /// The bag.
+    pub path: PathBuf,
+    /// The gait that was walked last, if the bag holds one.
+    pub gait: Option<Gait>,
+    /// One sample for each joint state; parts that the bag does not hold are zero.
+    pub samples: Vec<Sample>,
+    /// Whether base position, orientation and velocity are known.
+    pub has_body: bool,
+    /// Whether ground forces are known.
+    pub has_ground: bool,
+    /// Whether torques are known.
+    pub has_torque: bool,
+    /// When the robot began to walk; the first sample's time if the bag does not say.
+    pub walking_from_s: f64,
+    /// What happened: mode changes, requests, gaits, faults.
+    pub events: Vec<(f64, String)>,
+    /// Time and largest |commanded minus measured position| over the joints, rad, by the controller's own account.
+    pub tracking_error: Vec<(f64, f64)>,
+    /// Times between one control cycle and the next, s, on the controller's clock.
+    pub cycle_intervals_s: Vec<f64>,
+    /// Control cycles that are missing between the first and the last recorded.
+    pub missing_cycles: u64,
+    /// The robot's URDF, if the bag holds one.
+    pub robot_description: Option<String>,
+}
+
+#[derive(Default)]
+struct Found {
+    joints: Vec<(f64, JointState)>,
+    body: Vec<(f64, Odometry)>,
+    ground: [Vec<(f64, f64)>; LEGS],
+    gait: Option<Gait>,
+    modes: Vec<(f64, String)>,
+    events: Vec<(f64, String)>,
+    tracking_error: Vec<(f64, f64)>,
+    cycle_times_s: Vec<f64>,
+    cycle_indices: Option<(u64, u64)>,
+    cycles: u64,
+    robot_description: Option<String>,
+}
+
+/// Reads a run.
+///
+/// # Errors
+/// [`ReplayError::NoRun`] if the bag holds no joint states of twelve joints; [`ReplayError::BadMessage`].
+pub fn read_run(path: impl AsRef<Path>) -> Result<BehaviourRun, ReplayError> {
+    let path = path.as_ref();
+    let bag = Bag::open(path)?;
+    let start_ns = bag.span_ns().map_or(0, |(start, _)| start);
+    let mut found = Found::default();
+    for message in bag.messages()? {
+        let message = message?;
+        let topic = &bag.topics()[message.topic];
+        let time_s = (message.stamp_ns - start_ns) as f64 * 1e-9;
+        found.take(topic, time_s, &message.data).map_err(|problem| ReplayError::BadMessage {
+            path: path.to_owned(),
+            topic: topic.name.clone(),
+            time_s,
+            problem,
+        })?;
+    }
+    let problem = "there is no joint state of twelve joints in it; expected a recording of a walking robot";
+    if found.joints.is_empty() {
+        return Err(ReplayError::NoRun { path: path.to_owned(), problem: problem.into() });
+    }
+    Ok(found.into_run(path))
+}
+
+impl Found {
+    fn take(&mut self, topic: &BagTopic, time_s: f64, data: &[u8]) -> Result<(), String> {
+        let text = |error: bag::BagError| error.to_string();
+        let is = |name: &str, type_name: &str| names::is(&topic.name, name) && topic.type_name == type_name;
+        if is(names::JOINT_STATES, "sensor_msgs/msg/JointState") {
+            let state: JointState = from_cdr(&topic.type_name, data).map_err(text)?;
+            if state.position.len() == JOINTS && state.velocity.len() == JOINTS {
+                self.joints.push((time_s, state));
+            }
+        } else if is(names::ODOM, "nav_msgs/msg/Odometry") {
+            self.body.push((time_s, from_cdr(&topic.type_name, data).map_err(text)?));
+        } else if is(names::CONTROL_CYCLE, "tandem_msgs/msg/ControlCycle") {
+            let cycle: ControlCycle = from_cdr(&topic.type_name, data).map_err(text)?;
+            let stamp = &cycle.header.stamp;
+            self.cycle_times_s.push(f64::from(stamp.sec) + f64::from(stamp.nanosec) * 1e-9);
+            self.cycles += 1;
+            let first = self.cycle_indices.map_or(cycle.index, |(first, _)| first);
+            self.cycle_indices = Some((first, cycle.index));
+            self.mode(time_s, &cycle.mode);
+            self.events.extend(cycle.requests.iter().map(|request| (time_s, format!("asked to {request}"))));
+            if !cycle.fault.is_empty() {
+                self.events.push((time_s, format!("fault below: {}", cycle.fault)));
+            }
+        } else if is(names::CONTROLLER_STATE, "tandem_msgs/msg/ControllerState") {
+            let state: ControllerState = from_cdr(&topic.type_name, data).map_err(text)?;
+            self.mode(time_s, &state.mode);
+            let largest = state.tracking_error_rad.iter().fold(0.0_f64, |largest, error| largest.max(error.abs()));
+            self.tracking_error.push((time_s, largest));
+            if !state.fault.is_empty() && !self.events.iter().any(|(_, event)| event.ends_with(&state.fault)) {
+                self.events.push((time_s, format!("fault: {}", state.fault)));
+            }
+        } else if is(names::GAIT_FILE, "std_msgs/msg/String") {
+            let message: tandem_msgs::std_msgs::String = from_cdr(&topic.type_name, data).map_err(text)?;
+            self.gait(time_s, Gait::from_json(&message.data).map_err(|error| error.to_string())?);
+        } else if is("gait", "tandem_msgs/msg/Gait") {
+            let message: tandem_msgs::Gait = from_cdr(&topic.type_name, data).map_err(text)?;
+            self.gait(time_s, gait_of(&message)?);
+        } else if is(names::ROBOT_DESCRIPTION, "std_msgs/msg/String") {
+            let message: tandem_msgs::std_msgs::String = from_cdr(&topic.type_name, data).map_err(text)?;
+            self.robot_description = Some(message.data);
+        } else if topic.type_name == "geometry_msgs/msg/WrenchStamped" {
+            for (leg, name) in LEG_NAMES.iter().enumerate() {
+                if names::is(&topic.name, &format!("{}/{name}", names::GROUND_FORCE)) {
+                    let message: WrenchStamped = from_cdr(&topic.type_name, data).map_err(text)?;
+                    self.ground[leg].push((time_s, message.wrench.force.z));
+                }
+            }
+        }
+        Ok(())
+    }
+
+    fn mode(&mut self, time_s: f64, mode: &str) {
+        if self.modes.last().is_none_or(|(_, last)| last != mode) {
+            self.modes.push((time_s, mode.to_owned()));
+            self.events.push((time_s, mode.replace('_', " ")));
+        }
+    }
+
+    fn gait(&mut self, time_s: f64, gait: Gait) {
+        self.events.push((time_s, format!("gait {}", gait.name)));
+        self.gait = Some(gait);
+    }
+
+    fn into_run(mut self, path: &Path) -> BehaviourRun {
+        let (has_body, has_ground) = (!self.body.is_empty(), self.ground.iter().all(|leg| !leg.is_empty()));
+        let has_torque = self.joints.iter().all(|(_, state)| state.effort.len() == JOINTS);
+        let mut body_at = 0;
+        let mut ground_at = [0; LEGS];
+        let mut samples: Vec<Sample> = Vec::with_capacity(self.joints.len());
+        for (time_s, state) in &self.joints {
+            if samples.last().is_some_and(|last| last.time_s >= *time_s) {
+                continue; // two states with one stamp: the first counts
+            }
+            let twelve = |values: &[f64]| std::array::from_fn(|joint| values.get(joint).copied().unwrap_or(0.0));
+            let mut sample = Sample {
+                time_s: *time_s,
+                base_position_m: [0.0; 3],
+                base_roll_pitch_yaw_rad: [0.0; 3],
+                base_linear_velocity_m_s: [0.0; 3],
+                joint_position_rad: twelve(&state.position),
+                joint_velocity_rad_s: twelve(&state.velocity),
+                joint_torque_nm: twelve(&state.effort),
+                ground_force_n: [0.0; LEGS],
+            };
+            if let Some((_, body)) = latest(&self.body, &mut body_at, *time_s) {
+                take_body(&mut sample, body);
+            }
+            for leg in 0..LEGS {
+                if let Some((_, force)) = latest(&self.ground[leg], &mut ground_at[leg], *time_s) {
+                    sample.ground_force_n[leg] = *force;
+                }
+            }
+            samples.push(sample);
+        }
+        let first_s = samples.first().map_or(0.0, |sample| sample.time_s);
+        let walking = self.modes.iter().find(|(_, mode)| mode == "walking").map(|(time_s, _)| *time_s);
+        let missing = self.cycle_indices.map_or(0, |(first, last)| (last - first + 1).saturating_sub(self.cycles));
+        self.events.sort_by(|a, b| a.0.total_cmp(&b.0));
+        BehaviourRun {
+            path: path.to_owned(),
+            gait: self.gait,
+            samples,
+            has_body,
+            has_ground,
+            has_torque,
+            walking_from_s: walking.unwrap_or(first_s),
+            events: self.events,
+            tracking_error: self.tracking_error,
+            cycle_intervals_s: self.cycle_times_s.windows(2).map(|pair| pair[1] - pair[0]).collect(),
+            missing_cycles: missing,
+            robot_description: self.robot_description,
+        }
+    }
+}
+
+/// The last entry at or before `time_s`; the first one if all are later. `at` goes on from call to call.
+fn latest<'a, T>(entries: &'a [(f64, T)], at: &mut usize, time_s: f64) -> Option<&'a (f64, T)> {
+    while entries.get(*at + 1).is_some_and(|next| next.0 <= time_s) {
+        *at += 1;
+    }
+    entries.get(*at)
+}
+
+fn take_body(sample: &mut Sample, body: &Odometry) {
+    let (p, q, v) = (&body.pose.pose.position, &body.pose.pose.orientation, &body.twist.twist.linear);
+    let (x, y, z, w) = (q.x, q.y, q.z, q.w);
+    sample.base_position_m = [p.x, p.y, p.z];
+    sample.base_roll_pitch_yaw_rad = [
+        (2.0 * (w * x + y * z)).atan2(1.0 - 2.0 * (x * x + y * y)),
+        (2.0 * (w * y - z * x)).clamp(-1.0, 1.0).asin(),
+        (2.0 * (w * z + x * y)).atan2(1.0 - 2.0 * (y * y + z * z)),
+    ];
+    // The odometry's twist is in the base's axes (REP 105): v_world = R v_base.
+    let rows = [
+        [1.0 - 2.0 * (y * y + z * z), 2.0 * (x * y - w * z), 2.0 * (x * z + w * y)],
+        [2.0 * (x * y + w * z), 1.0 - 2.0 * (x * x + z * z), 2.0 * (y * z - w * x)],
+        [2.0 * (x * z - w * y), 2.0 * (y * z + w * x), 1.0 - 2.0 * (x * x + y * y)],
+    ];
+    sample.base_linear_velocity_m_s = rows.map(|row| row[0] * v.x + row[1] * v.y + row[2] * v.z);
+}
+
+/// A gait message as a checked gait.
+fn gait_of(message: &tandem_msgs::Gait) -> Result<Gait, String> {
+    if message.version != gait::FILE_VERSION as u32 || message.bezier_degree != gait::bezier::DEGREE as u8 {
+        return Err(format!(
+            "a gait of version {} and degree {}; expected version {} and degree {}",
+            message.version,
+            message.bezier_degree,
+            gait::FILE_VERSION,
+            gait::bezier::DEGREE
+        ));
+    }
+    fn fixed<T: Copy, const N: usize>(name: &str, values: &[T]) -> Result<[T; N], String> {
+        values.try_into().map_err(|_| format!("{name} has {} entries; expected {N}", values.len()))
+    }
+    let rows = |name: &str, values: &[f64]| -> Result<[gait::Coefficients; JOINTS], String> {
+        const COLUMNS: usize = gait::bezier::DEGREE + 1;
+        let flat: [f64; JOINTS * COLUMNS] = fixed(name, values)?;
+        Ok(std::array::from_fn(|row| std::array::from_fn(|column| flat[row * COLUMNS + column])))
+    };
+    let names: [String; JOINTS] = message
+        .joint_names
+        .clone()
+        .try_into()
+        .map_err(|names: Vec<String>| format!("joint_names has {} entries; expected {JOINTS}", names.len()))?;
+    let (pose, twist) = (&message.initial_base_pose, &message.initial_base_twist);
+    let gait = Gait {
+        robot: message.robot.clone(),
+        name: message.name.clone(),
+        joint_names: names,
+        step_duration_s: message.step_duration_s,
+        step_length_m: message.step_length_m,
+        coefficients_rad: rows("coefficients_rad", &message.coefficients_rad)?,
+        mirror: Mirror {
+            leg: fixed::<u8, LEGS>("mirror_leg", &message.mirror_leg)?.map(usize::from),
+            sign: fixed("mirror_sign", &message.mirror_sign)?,
+        },
+        initial: InitialState {
+            base_position_m: [pose.position.x, pose.position.y, pose.position.z],
+            base_quaternion_xyzw: [pose.orientation.x, pose.orientation.y, pose.orientation.z, pose.orientation.w],
+            base_linear_velocity_world: [twist.linear.x, twist.linear.y, twist.linear.z],
+            base_angular_velocity_body: [twist.angular.x, twist.angular.y, twist.angular.z],
+            joint_position_rad: fixed("initial_joint_position_rad", &message.initial_joint_position_rad)?,
+            joint_velocity_rad_s: fixed("initial_joint_velocity_rad_s", &message.initial_joint_velocity_rad_s)?,
+        },
+        reference_coefficients_rad: rows("reference_coefficients_rad", &message.reference_coefficients_rad)?,
+        kp: fixed("kp", &message.kp)?,
+        kd: fixed("kd", &message.kd)?,
+        torque_limit_nm: fixed("torque_limit_nm", &message.torque_limit_nm)?,
+        request: serde_json::from_str(&message.request_json).unwrap_or(serde_json::Value::Null),
+        solver: SolverSummary {
+            status: message.solver.status.clone(),
+            iterations: message.solver.iterations,
+            solve_time_s: message.solver.solve_time_s,
+            max_violation: message.solver.max_violation,
+            objective: message.solver.objective,
+        },
+    };
+    gait.validate().map_err(|error| error.to_string())?;
+    Ok(gait)
+}

@@ -1,0 +1,277 @@
+//! Writing a run.
+
+use std::path::Path;
+use std::time::Duration;
+
+use bag::{Qos, Recorder, RecorderOptions, RecorderStatus, Summary, Topic};
+use control::{Config, Input, JOINTS, Mode, Output};
+use gait::{Gait, LEGS};
+use tandem_msgs::builtin_interfaces::Time;
+use tandem_msgs::geometry_msgs::{Point, Quaternion, Vector3, WrenchStamped};
+use tandem_msgs::nav_msgs::Odometry;
+use tandem_msgs::sensor_msgs::JointState;
+use tandem_msgs::std_msgs::Header;
+use tandem_msgs::{ControlCycle, ControllerState, JointCommand};
+
+use crate::ReplayError;
+use crate::names::{self, request_word};
+
+/// How often `controller_state` is written while the mode stays.
+const STATE_PERIOD: Duration = Duration::from_millis(20);
+
+/// What a run is about.
+#[derive(Clone, Copy, Debug)]
+pub struct RunInfo<'a> {
+    /// The configuration that the controller was made with.
+    pub config: &'a Config,
+    /// The robot's URDF.
+    pub robot_description: &'a str,
+    /// Names of the legs, in order: they name the ground forces' topics.
+    pub leg_names: [&'a str; LEGS],
+    /// Nanoseconds from the recording clock's epoch to the controller clock's zero: 0 in simulation; on a robot, where the
+    /// controller runs on monotonic time, what wall time was at that zero.
+    pub epoch_ns: u64,
+}
+
+/// The base and the ground, where they are known.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct BodySample {
+    /// On the controller's clock.
+    pub time: Duration,
+    /// Base origin in the world, m.
+    pub position_m: [f64; 3],
+    /// Base orientation, world from base, (x, y, z, w).
+    pub quaternion_xyzw: [f64; 4],
+    /// Velocity of the base origin in the base's axes, m/s (as in nav_msgs/Odometry).
+    pub linear_velocity_body: [f64; 3],
+    /// Angular velocity in the base's axes, rad/s.
+    pub angular_velocity_body: [f64; 3],
+    /// Ground forces on the toes, world axes, N; `None` where they are not measured.
+    pub ground_force_n: Option<[[f64; 3]; LEGS]>,
+}
+
+/// Records a run, from its first cycle on: a run that is to be verified is recorded whole.
+#[derive(Debug)]
+pub struct RunRecorder {
+    recorder: Recorder,
+    epoch_ns: u64,
+    last_stamp_ns: u64,
+    joint_names: Vec<String>,
+    joint_states: Topic,
+    joint_command: Topic,
+    control_cycle: Topic,
+    controller_state: Topic,
+    gait_file: Topic,
+    odom: Topic,
+    ground_force: [Topic; LEGS],
+    last_state: Option<Duration>,
+    last_written_state: Option<(Duration, Mode)>,
+    gaits: u32,
+    gait_name: String,
+}
+
+impl RunRecorder {
+    /// Begins a bag in `folder`, which must be empty or not there.
+    ///
+    /// # Errors
+    /// As [`Recorder::start`].
+    pub fn start(
+        folder: impl AsRef<Path>,
+        info: &RunInfo,
+        options: RecorderOptions,
+    ) -> Result<RunRecorder, ReplayError> {
+        let recorder = Recorder::start(folder, options)?;
+        let force =
+            |leg: &str| recorder.topic_of::<WrenchStamped>(&format!("/{}/{leg}", names::GROUND_FORCE), Qos::sensor(1));
+        let [a, b, c, d] = info.leg_names;
+        let full = |name: &str| format!("/{name}");
+        let run = RunRecorder {
+            epoch_ns: info.epoch_ns,
+            last_stamp_ns: info.epoch_ns,
+            joint_names: info.config.joint_names.to_vec(),
+            joint_states: recorder.topic_of::<JointState>(&full(names::JOINT_STATES), Qos::sensor(1))?,
+            joint_command: recorder.topic_of::<JointCommand>(&full(names::JOINT_COMMAND), Qos::sensor(1))?,
+            control_cycle: recorder.topic_of::<ControlCycle>(&full(names::CONTROL_CYCLE), Qos::sensor(1))?,
+            controller_state: recorder
+                .topic_of::<ControllerState>(&full(names::CONTROLLER_STATE), Qos::reliable(10))?,
+            gait_file: recorder.topic_of::<tandem_msgs::std_msgs::String>(&full(names::GAIT_FILE), Qos::latched())?,
+            odom: recorder.topic_of::<Odometry>(&full(names::ODOM), Qos::sensor(1))?,
+            ground_force: [force(a)?, force(b)?, force(c)?, force(d)?],
+            last_state: None,
+            last_written_state: None,
+            gaits: 0,
+            gait_name: String::new(),
+            recorder,
+        };
+        let config = serde_json::to_string(info.config).map_err(|error| bag::BagError::Cdr {
+            name: names::CONTROLLER_CONFIG.into(),
+            action: "written as",
+            reason: error.to_string(),
+        })?;
+        for (name, text) in
+            [(names::CONTROLLER_CONFIG, config.as_str()), (names::ROBOT_DESCRIPTION, info.robot_description)]
+        {
+            let topic = run.recorder.topic_of::<tandem_msgs::std_msgs::String>(&full(name), Qos::latched())?;
+            run.text(&topic, text)?;
+        }
+        Ok(run)
+    }
+
+    /// The bag's folder.
+    pub fn folder(&self) -> &Path {
+        self.recorder.folder()
+    }
+
+    fn text(&self, topic: &Topic, text: &str) -> Result<bool, ReplayError> {
+        let message = tandem_msgs::std_msgs::String { data: text.to_owned() };
+        Ok(self.recorder.push_message(topic, self.last_stamp_ns, &message)?)
+    }
+
+    /// The bag's stamp of something at `time`. It never falls, so that a bag is read in the order in which it was written even
+    /// if the clock went backwards; the message's own stamp tells the truth.
+    fn stamp_ns(&mut self, time: Duration) -> u64 {
+        let stamp_ns = self.epoch_ns.saturating_add(time.as_nanos().try_into().unwrap_or(u64::MAX));
+        self.last_stamp_ns = self.last_stamp_ns.max(stamp_ns);
+        self.last_stamp_ns
+    }
+
+    /// A gait that is about to be handed to the controller: before the cycle whose input holds it. Gives whether it was taken.
+    ///
+    /// # Errors
+    /// [`ReplayError::Bag`] if it has no CDR form, which no gait lacks.
+    pub fn gait(&mut self, gait: &Gait) -> Result<bool, ReplayError> {
+        self.gaits += 1;
+        self.gait_name.clone_from(&gait.name);
+        self.text(&self.gait_file, &gait.to_json())
+    }
+
+    /// One cycle: what [`control::Controller::step`] saw and said. `effort_nm`: the drives' torques with the state, where they
+    /// are measured. Gives whether all of it was taken.
+    ///
+    /// # Errors
+    /// [`ReplayError::Bag`] if it has no CDR form, which no cycle lacks.
+    pub fn cycle(
+        &mut self,
+        now: Duration,
+        input: &Input,
+        output: &Output,
+        effort_nm: Option<&[f64; JOINTS]>,
+    ) -> Result<bool, ReplayError> {
+        let stamp_ns = self.stamp_ns(now);
+        let header = |time: Duration| Header { stamp: time_message(time), frame_id: String::new() };
+        let mut taken = true;
+        if let Some(state) = input.joints
+            && self.last_state != Some(state.stamp)
+        {
+            self.last_state = Some(state.stamp);
+            let message = JointState {
+                header: header(state.stamp),
+                name: self.joint_names.clone(),
+                position: state.position_rad.to_vec(),
+                velocity: state.velocity_rad_s.to_vec(),
+                effort: effort_nm.map_or(Vec::new(), |effort| effort.to_vec()),
+            };
+            taken &= self.recorder.push_message(&self.joint_states, stamp_ns, &message)?;
+        }
+        let command = &output.command;
+        let message = JointCommand {
+            header: header(output.answered.unwrap_or_default()),
+            name: self.joint_names.clone(),
+            position: command.position_rad.to_vec(),
+            velocity: command.velocity_rad_s.to_vec(),
+            kp: command.kp.to_vec(),
+            kd: command.kd.to_vec(),
+            torque: command.torque_nm.to_vec(),
+        };
+        taken &= self.recorder.push_message(&self.joint_command, stamp_ns, &message)?;
+        let state = input.joints;
+        let nanoseconds = |time: Duration| u64::try_from(time.as_nanos()).unwrap_or(u64::MAX);
+        let message = ControlCycle {
+            header: header(now),
+            index: output.cycles,
+            state_seen: state.is_some(),
+            state_stamp_ns: state.map_or(0, |state| nanoseconds(state.stamp)),
+            state_arrived_ns: state.map_or(Vec::new(), |state| state.arrived.map(nanoseconds).to_vec()),
+            state_temperature_c: state
+                .and_then(|state| state.temperature_c)
+                .map_or(Vec::new(), |values| values.to_vec()),
+            state_drive_error: state
+                .filter(|state| state.drive_error != [0; JOINTS])
+                .map_or(Vec::new(), |state| state.drive_error.to_vec()),
+            tilt_rad: input.tilt.map_or(Vec::new(), |tilt| vec![tilt.roll_rad, tilt.pitch_rad]),
+            requests: input.requests.iter().map(request_word).collect(),
+            emergency_stop: input.emergency_stop,
+            gait: if input.gait.is_some() { self.gaits } else { 0 },
+            fault: input.fault.map_or(String::new(), |report| report.fault.name().into()),
+            fault_joint: input.fault.and_then(|report| report.joint).map_or(-1, |joint| joint as i32),
+            fault_value: input.fault.map_or(0.0, |report| report.value),
+            fault_limit: input.fault.map_or(0.0, |report| report.limit),
+            mode: output.mode.name().into(),
+        };
+        taken &= self.recorder.push_message(&self.control_cycle, stamp_ns, &message)?;
+        let due = self
+            .last_written_state
+            .is_none_or(|(time, mode)| mode != output.mode || now.saturating_sub(time) >= STATE_PERIOD);
+        if due {
+            self.last_written_state = Some((now, output.mode));
+            let fault = output.report.map_or(String::new(), |report| report.fault.name().into());
+            let message = ControllerState {
+                header: header(now),
+                mode: output.mode.name().into(),
+                fault,
+                gait: self.gait_name.clone(),
+                step_index: output.step_index,
+                step_phase: output.step_phase,
+                cycles: output.cycles,
+                stale_inputs: output.stale_inputs,
+                tracking_error_rad: output.tracking_error_rad.to_vec(),
+                commanded_torque_nm: output.torque_nm.to_vec(),
+                ..ControllerState::default()
+            };
+            taken &= self.recorder.push_message(&self.controller_state, stamp_ns, &message)?;
+        }
+        Ok(taken)
+    }
+
+    /// The base and the ground forces, as often as they are known. Gives whether all of it was taken.
+    ///
+    /// # Errors
+    /// [`ReplayError::Bag`] if it has no CDR form, which no sample lacks.
+    pub fn body(&mut self, sample: &BodySample) -> Result<bool, ReplayError> {
+        let stamp_ns = self.stamp_ns(sample.time);
+        let header = || Header { stamp: time_message(sample.time), frame_id: "odom".into() };
+        let vector = |[x, y, z]: [f64; 3]| Vector3 { x, y, z };
+        let [x, y, z] = sample.position_m;
+        let [qx, qy, qz, qw] = sample.quaternion_xyzw;
+        let mut odometry = Odometry { header: header(), child_frame_id: "base_link".into(), ..Odometry::default() };
+        odometry.pose.pose.position = Point { x, y, z };
+        odometry.pose.pose.orientation = Quaternion { x: qx, y: qy, z: qz, w: qw };
+        odometry.twist.twist.linear = vector(sample.linear_velocity_body);
+        odometry.twist.twist.angular = vector(sample.angular_velocity_body);
+        let mut taken = self.recorder.push_message(&self.odom, stamp_ns, &odometry)?;
+        for (topic, force) in self.ground_force.iter().zip(sample.ground_force_n.iter().flatten()) {
+            let mut message = WrenchStamped { header: header(), ..WrenchStamped::default() };
+            message.wrench.force = vector(*force);
+            taken &= self.recorder.push_message(topic, stamp_ns, &message)?;
+        }
+        Ok(taken)
+    }
+
+    /// How the recording fares; a fault belongs in diagnostics.
+    pub fn status(&self) -> RecorderStatus {
+        self.recorder.status()
+    }
+
+    /// Writes what was taken and closes the bag.
+    ///
+    /// # Errors
+    /// As [`Recorder::finish`].
+    pub fn finish(self) -> Result<Summary, ReplayError> {
+        Ok(self.recorder.finish()?)
+    }
+}
+
+/// Lossless up to 68 years.
+fn time_message(time: Duration) -> Time {
+    Time { sec: i32::try_from(time.as_secs()).unwrap_or(i32::MAX), nanosec: time.subsec_nanos() }
+}

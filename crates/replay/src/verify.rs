@@ -1,0 +1,264 @@
+//! Running a recorded run again.
+
+use std::path::Path;
+use std::time::Duration;
+
+use bag::{Bag, from_cdr};
+use control::{Config, Controller, Fault, FaultReport, Input, JOINTS, PreparedGait, Request, Tilt};
+use gait::Gait;
+use tandem_msgs::sensor_msgs::JointState;
+use tandem_msgs::{ControlCycle, JointCommand};
+
+use crate::ReplayError;
+use crate::names::{self, request_of};
+
+/// A command that came out differently.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Difference {
+    /// The controller's cycle, from 1.
+    pub cycle: u64,
+    /// When, s since the bag's first message.
+    pub time_s: f64,
+    /// The joint's name; empty where the mode differs.
+    pub joint: String,
+    /// Which value: position, velocity, kp, kd, torque, or mode.
+    pub what: &'static str,
+    /// As recorded.
+    pub recorded: String,
+    /// As computed now.
+    pub computed: String,
+}
+
+/// What running a bag again showed.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Verification {
+    /// Cycles that were run again.
+    pub cycles: u64,
+    /// Time from the first to the last, s.
+    pub duration_s: f64,
+    /// Cycles whose command or mode differs.
+    pub different: u64,
+    /// The first difference.
+    pub first: Option<Difference>,
+}
+
+/// Runs every recorded cycle through a new controller and compares commands and modes to the bit.
+///
+/// # Errors
+/// [`ReplayError::NoRun`] if the bag lacks the configuration or a cycle (dropped by the recorder, or not recorded from the
+/// start), or its configuration or gait is not one for this version; [`ReplayError::BadMessage`].
+pub fn verify(path: impl AsRef<Path>) -> Result<Verification, ReplayError> {
+    let path = path.as_ref();
+    let bag = Bag::open(path)?;
+    let no_run = |problem: String| ReplayError::NoRun { path: path.to_owned(), problem };
+    let index_of = |name: &str| {
+        let found = bag.topics().iter().position(|topic| names::is(&topic.name, name) && topic.messages > 0);
+        found.ok_or_else(|| {
+            no_run(format!(
+                "there is no message on '{name}'; expected a run recorded whole by the controller or by 'tandem simulate'"
+            ))
+        })
+    };
+    let cycles_topic = index_of(names::CONTROL_CYCLE)?;
+    let config_topic = index_of(names::CONTROLLER_CONFIG)?;
+    let command_topic = index_of(names::JOINT_COMMAND)?;
+    let states_topic = bag.topics().iter().position(|topic| names::is(&topic.name, names::JOINT_STATES));
+    let gait_topic = bag.topics().iter().position(|topic| names::is(&topic.name, names::GAIT_FILE));
+
+    let start_ns = bag.span_ns().map_or(0, |(start, _)| start);
+    let mut player = Player::default();
+    let mut result = Verification { cycles: 0, duration_s: 0.0, different: 0, first: None };
+    let mut first_ns = None;
+    for message in bag.messages()? {
+        let message = message?;
+        let topic = &bag.topics()[message.topic];
+        let time_s = (message.stamp_ns - start_ns) as f64 * 1e-9;
+        let bad = |problem: String| ReplayError::BadMessage {
+            path: path.to_owned(),
+            topic: topic.name.clone(),
+            time_s,
+            problem,
+        };
+        let data = &message.data;
+        if message.topic == config_topic {
+            let text: tandem_msgs::std_msgs::String = from_cdr(&topic.type_name, data)?;
+            let config: Config = serde_json::from_str(&text.data)
+                .map_err(|error| no_run(format!("its controller configuration is not one of this version: {error}")))?;
+            let controller = Controller::new(config.clone())
+                .map_err(|error| no_run(format!("its controller configuration: {error}")))?;
+            player.controller = Some((controller, config));
+        } else if Some(message.topic) == gait_topic {
+            let text: tandem_msgs::std_msgs::String = from_cdr(&topic.type_name, data)?;
+            let gait = Gait::from_json(&text.data).map_err(|error| no_run(error.to_string()))?;
+            player.gaits.push(gait);
+        } else if Some(message.topic) == states_topic {
+            player.state = Some(from_cdr(&topic.type_name, data)?);
+        } else if message.topic == command_topic {
+            player.commands.push(from_cdr(&topic.type_name, data)?);
+        } else if message.topic == cycles_topic {
+            let cycle: ControlCycle = from_cdr(&topic.type_name, data)?;
+            let difference = player.cycle(&cycle, time_s).map_err(bad)?;
+            result.cycles += 1;
+            result.duration_s = (message.stamp_ns - *first_ns.get_or_insert(message.stamp_ns)) as f64 * 1e-9;
+            if let Some(difference) = difference {
+                result.different += 1;
+                result.first.get_or_insert(difference);
+            }
+        }
+    }
+    Ok(result)
+}
+
+#[derive(Default)]
+struct Player {
+    controller: Option<(Controller, Config)>,
+    gaits: Vec<Gait>,
+    state: Option<JointState>,
+    commands: Vec<JointCommand>,
+    last_index: u64,
+}
+
+impl Player {
+    /// Runs one cycle; the error is the recording's.
+    fn cycle(&mut self, cycle: &ControlCycle, time_s: f64) -> Result<Option<Difference>, String> {
+        let (controller, config) =
+            self.controller.as_mut().ok_or("a cycle before the controller's configuration was recorded")?;
+        if cycle.index != self.last_index + 1 {
+            return Err(format!(
+                "cycle {} follows cycle {}: {}",
+                cycle.index,
+                self.last_index,
+                if self.last_index == 0 {
+                    "the recording does not begin with the controller's first cycle"
+                } else {
+                    "the recorder dropped what lies between"
+                }
+            ));
+        }
+        self.last_index = cycle.index;
+        let commands = std::mem::take(&mut self.commands);
+        let [recorded] = commands.as_slice() else {
+            return Err(format!(
+                "{} commands belong to this cycle; expected 1 (the recorder dropped some)",
+                commands.len()
+            ));
+        };
+        let joints = match (cycle.state_seen, &self.state) {
+            (false, _) => None,
+            (true, Some(state)) => Some(joint_state(cycle, state)?),
+            (true, None) => return Err("its joint state was not recorded".into()),
+        };
+        let requests: Vec<Request> = cycle
+            .requests
+            .iter()
+            .map(|word| request_of(word).ok_or_else(|| format!("request '{word}' is not known to this version")))
+            .collect::<Result<_, String>>()?;
+        let gait = match cycle.gait {
+            0 => None,
+            number => {
+                let gait = self
+                    .gaits
+                    .get(number as usize - 1)
+                    .ok_or_else(|| format!("gait file {number} was not recorded"))?;
+                Some(PreparedGait::new(gait, config).map_err(|error| error.to_string())?)
+            }
+        };
+        let tilt = match cycle.tilt_rad.as_slice() {
+            [] => None,
+            [roll_rad, pitch_rad] => Some(Tilt { roll_rad: *roll_rad, pitch_rad: *pitch_rad }),
+            other => return Err(format!("tilt_rad has {} entries; expected 0 or 2", other.len())),
+        };
+        let fault = if cycle.fault.is_empty() {
+            None
+        } else {
+            let fault = Fault::from_name(&cycle.fault)
+                .ok_or_else(|| format!("fault '{}' is not known to this version", cycle.fault))?;
+            let joint = usize::try_from(cycle.fault_joint).ok();
+            Some(FaultReport { fault, joint, value: cycle.fault_value, limit: cycle.fault_limit })
+        };
+        let input = Input {
+            joints: joints.as_ref(),
+            tilt,
+            requests: &requests,
+            gait: gait.as_ref(),
+            emergency_stop: cycle.emergency_stop,
+            fault,
+        };
+        let stamp = &cycle.header.stamp;
+        let now = Duration::new(u64::try_from(stamp.sec).map_err(|_| "a negative time")?, stamp.nanosec);
+        let output = controller.step(&input, now);
+        let computed = &output.command;
+        let found = |joint: usize, what: &'static str, recorded: f64, computed: f64| Difference {
+            cycle: cycle.index,
+            time_s,
+            joint: config.joint_names[joint].clone(),
+            what,
+            recorded: exact(recorded),
+            computed: exact(computed),
+        };
+        let pairs: [(&'static str, &[f64], &[f64; JOINTS]); 5] = [
+            ("position", &recorded.position, &computed.position_rad),
+            ("velocity", &recorded.velocity, &computed.velocity_rad_s),
+            ("kp", &recorded.kp, &computed.kp),
+            ("kd", &recorded.kd, &computed.kd),
+            ("torque", &recorded.torque, &computed.torque_nm),
+        ];
+        for (what, recorded, computed) in pairs {
+            if recorded.len() != JOINTS {
+                return Err(format!("the command's {what} has {} entries; expected {JOINTS}", recorded.len()));
+            }
+            for joint in 0..JOINTS {
+                if recorded[joint].to_bits() != computed[joint].to_bits() {
+                    return Ok(Some(found(joint, what, recorded[joint], computed[joint])));
+                }
+            }
+        }
+        if cycle.mode != output.mode.name() {
+            return Ok(Some(Difference {
+                cycle: cycle.index,
+                time_s,
+                joint: String::new(),
+                what: "mode",
+                recorded: cycle.mode.clone(),
+                computed: output.mode.name().into(),
+            }));
+        }
+        Ok(None)
+    }
+}
+
+/// A number with its bits, because two that differ in the last bit print alike otherwise.
+fn exact(value: f64) -> String {
+    format!("{value:?} (bits {:016x})", value.to_bits())
+}
+
+fn joint_state(cycle: &ControlCycle, state: &JointState) -> Result<control::JointState, String> {
+    let stamp = &state.header.stamp;
+    let stamp =
+        Duration::new(u64::try_from(stamp.sec).map_err(|_| "a joint state with a negative time")?, stamp.nanosec);
+    if stamp.as_nanos() != u128::from(cycle.state_stamp_ns) {
+        return Err(format!(
+            "it saw the joint state stamped {} ns; the one recorded last is stamped {} ns (the recorder dropped some)",
+            cycle.state_stamp_ns,
+            stamp.as_nanos()
+        ));
+    }
+    Ok(control::JointState {
+        stamp,
+        arrived: array("state_arrived_ns", &cycle.state_arrived_ns)?.map(Duration::from_nanos),
+        position_rad: array("position", &state.position)?,
+        velocity_rad_s: array("velocity", &state.velocity)?,
+        temperature_c: match cycle.state_temperature_c.as_slice() {
+            [] => None,
+            values => Some(array("state_temperature_c", values)?),
+        },
+        drive_error: match cycle.state_drive_error.as_slice() {
+            [] => [0; JOINTS],
+            values => array("state_drive_error", values)?,
+        },
+    })
+}
+
+fn array<T: Copy>(name: &str, values: &[T]) -> Result<[T; JOINTS], String> {
+    values.try_into().map_err(|_| format!("{name} has {} entries; expected {JOINTS}", values.len()))
+}
