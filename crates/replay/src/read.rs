@@ -3,7 +3,7 @@
 use std::path::{Path, PathBuf};
 
 use bag::{Bag, BagTopic, from_cdr};
-use gait::{Gait, InitialState, JOINTS, LEGS, Mirror, SolverSummary};
+use gait::{Gait, JOINTS, LEGS};
 use report::Sample;
 use tandem_msgs::geometry_msgs::WrenchStamped;
 use tandem_msgs::nav_msgs::Odometry;
@@ -123,7 +123,7 @@ impl Found {
             self.gait(time_s, Gait::from_json(&message.data).map_err(|error| error.to_string())?);
         } else if is("gait", "tandem_msgs/msg/Gait") {
             let message: tandem_msgs::Gait = from_cdr(&topic.type_name, data).map_err(text)?;
-            self.gait(time_s, gait_of(&message)?);
+            self.gait(time_s, message.to_gait().map_err(|error| error.to_string())?);
         } else if is(names::ROBOT_DESCRIPTION, "std_msgs/msg/String") {
             let message: tandem_msgs::std_msgs::String = from_cdr(&topic.type_name, data).map_err(text)?;
             self.robot_description = Some(message.data);
@@ -226,65 +226,4 @@ fn take_body(sample: &mut Sample, body: &Odometry) {
         [2.0 * (x * z - w * y), 2.0 * (y * z + w * x), 1.0 - 2.0 * (x * x + y * y)],
     ];
     sample.base_linear_velocity_m_s = rows.map(|row| row[0] * v.x + row[1] * v.y + row[2] * v.z);
-}
-
-/// A gait message as a checked gait.
-fn gait_of(message: &tandem_msgs::Gait) -> Result<Gait, String> {
-    if message.version != gait::FILE_VERSION as u32 || message.bezier_degree != gait::bezier::DEGREE as u8 {
-        return Err(format!(
-            "a gait of version {} and degree {}; expected version {} and degree {}",
-            message.version,
-            message.bezier_degree,
-            gait::FILE_VERSION,
-            gait::bezier::DEGREE
-        ));
-    }
-    fn fixed<T: Copy, const N: usize>(name: &str, values: &[T]) -> Result<[T; N], String> {
-        values.try_into().map_err(|_| format!("{name} has {} entries; expected {N}", values.len()))
-    }
-    let rows = |name: &str, values: &[f64]| -> Result<[gait::Coefficients; JOINTS], String> {
-        const COLUMNS: usize = gait::bezier::DEGREE + 1;
-        let flat: [f64; JOINTS * COLUMNS] = fixed(name, values)?;
-        Ok(std::array::from_fn(|row| std::array::from_fn(|column| flat[row * COLUMNS + column])))
-    };
-    let names: [String; JOINTS] = message
-        .joint_names
-        .clone()
-        .try_into()
-        .map_err(|names: Vec<String>| format!("joint_names has {} entries; expected {JOINTS}", names.len()))?;
-    let (pose, twist) = (&message.initial_base_pose, &message.initial_base_twist);
-    let gait = Gait {
-        robot: message.robot.clone(),
-        name: message.name.clone(),
-        joint_names: names,
-        step_duration_s: message.step_duration_s,
-        step_length_m: message.step_length_m,
-        coefficients_rad: rows("coefficients_rad", &message.coefficients_rad)?,
-        mirror: Mirror {
-            leg: fixed::<u8, LEGS>("mirror_leg", &message.mirror_leg)?.map(usize::from),
-            sign: fixed("mirror_sign", &message.mirror_sign)?,
-        },
-        initial: InitialState {
-            base_position_m: [pose.position.x, pose.position.y, pose.position.z],
-            base_quaternion_xyzw: [pose.orientation.x, pose.orientation.y, pose.orientation.z, pose.orientation.w],
-            base_linear_velocity_world: [twist.linear.x, twist.linear.y, twist.linear.z],
-            base_angular_velocity_body: [twist.angular.x, twist.angular.y, twist.angular.z],
-            joint_position_rad: fixed("initial_joint_position_rad", &message.initial_joint_position_rad)?,
-            joint_velocity_rad_s: fixed("initial_joint_velocity_rad_s", &message.initial_joint_velocity_rad_s)?,
-        },
-        reference_coefficients_rad: rows("reference_coefficients_rad", &message.reference_coefficients_rad)?,
-        kp: fixed("kp", &message.kp)?,
-        kd: fixed("kd", &message.kd)?,
-        torque_limit_nm: fixed("torque_limit_nm", &message.torque_limit_nm)?,
-        request: serde_json::from_str(&message.request_json).unwrap_or(serde_json::Value::Null),
-        solver: SolverSummary {
-            status: message.solver.status.clone(),
-            iterations: message.solver.iterations,
-            solve_time_s: message.solver.solve_time_s,
-            max_violation: message.solver.max_violation,
-            objective: message.solver.objective,
-        },
-    };
-    gait.validate().map_err(|error| error.to_string())?;
-    Ok(gait)
 }
