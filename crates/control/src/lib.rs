@@ -25,5 +25,5 @@ pub use config::{Config, ConfigError, DriveMode, Posture};
 pub use controller::{Controller, DampingReason, Input, JointState, MAX_REQUESTS, Output, Request, Tilt};
 pub use fault::{Fault, FaultReport, FaultSet, Severity};
 pub use gait::JOINTS;
-pub use prepared_gait::{Instant, PreparedGait};
+pub use prepared_gait::{GaitName, Instant, PreparedGait};
 pub use transition::{Event, Guards, Mode, Refusal, transition};

@@ -10,7 +10,7 @@ const CHECKED_PHASES: usize = 101;
 /// replaced there without freeing memory.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct PreparedGait {
-    name: Name,
+    name: GaitName,
     step_duration_s: f64,
     planned_rad: [Coefficients; JOINTS],
     /// Reference minus plan.
@@ -57,7 +57,7 @@ impl PreparedGait {
             }
         }
         let prepared = Self {
-            name: Name::new(&gait.name),
+            name: GaitName::new(&gait.name),
             step_duration_s: gait.step_duration_s,
             planned_rad: gait.coefficients_rad,
             compensation_rad: std::array::from_fn(|j| {
@@ -120,8 +120,8 @@ impl PreparedGait {
     }
 
     /// The gait's name; longer names are cut.
-    pub fn name(&self) -> &str {
-        self.name.as_str()
+    pub fn name(&self) -> GaitName {
+        self.name
     }
 
     /// T, s.
@@ -148,14 +148,14 @@ impl PreparedGait {
     }
 }
 
-/// A name without the heap.
+/// A gait's name without the heap: at most 48 bytes of it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-struct Name {
+pub struct GaitName {
     bytes: [u8; 48],
     length: u8,
 }
 
-impl Name {
+impl GaitName {
     fn new(name: &str) -> Self {
         let mut bytes = [0; 48];
         let mut length = 0;
@@ -169,7 +169,8 @@ impl Name {
         Self { bytes, length: length as u8 }
     }
 
-    fn as_str(&self) -> &str {
+    /// The name.
+    pub fn as_str(&self) -> &str {
         // Only whole characters were written.
         std::str::from_utf8(&self.bytes[..self.length as usize]).unwrap_or("")
     }

@@ -1,1 +1,17 @@
 //! ROS 2 node: walks a gait with the paper's PD law.
+//!
+//! The node has three parts that meet only through wait-free buffers:
+//!
+//! - the **cycle** ([`cycle`]): a thread of its own, real-time where the system grants it, that runs
+//!   [`control::Controller::step`] and nothing else; no lock, no allocation, no logging, no publishing;
+//! - the **desk** ([`desk`]): callbacks and services on the middleware's threads, which turn messages into values, refuse what
+//!   is wrong with them, and put the rest into the buffers;
+//! - the **press** ([`press`]): a thread that publishes what the cycle said.
+//!
+//! [`ports`] is the one place where messages and the project's own types meet.
+
+pub mod config;
+pub mod cycle;
+pub mod desk;
+pub mod ports;
+pub mod press;

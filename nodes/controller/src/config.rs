@@ -1,0 +1,243 @@
+//! The node's parameters.
+
+use crate::cycle::CycleClock;
+use control::{Config, DriveMode};
+use realtime::RealtimeRequest;
+use robot::Robot;
+use ros::{Node, RosError};
+use std::path::{Path, PathBuf};
+use std::time::Duration;
+
+/// Who sets the pace.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Pace {
+    /// The wall clock.
+    Realtime,
+    /// The stamps of the joint states.
+    Lockstep,
+}
+
+/// What the parameters say, checked.
+pub struct Parameters {
+    /// Who sets the pace.
+    pub pace: Pace,
+    /// The clock that the gait follows in realtime.
+    pub clock: CycleClock,
+    /// The robot's folder.
+    pub robot_folder: PathBuf,
+    /// What the control thread asks of the system.
+    pub realtime: RealtimeRequest,
+    /// Control period.
+    pub period: Duration,
+    /// Control cycles between two messages of state.
+    pub state_every: u64,
+    /// Longest silence of the emergency stop's topic.
+    pub heartbeat: Option<Duration>,
+    /// Start on the gait as soon as there is one: the robot is simulated and put there.
+    pub start_on_gait: bool,
+    values: Values,
+}
+
+/// Parameters that go into the controller's own configuration.
+struct Values {
+    drive_mode: DriveMode,
+    state_timeout_s: f64,
+    overrun_s: f64,
+    start_blend_s: f64,
+    stop_blend_s: f64,
+    posture_speed_rad_s: f64,
+    tracking_error_rad: f64,
+    tilt_limit_rad: f64,
+}
+
+fn one_of(allowed: &'static [&'static str]) -> impl Fn(&String) -> Result<(), String> {
+    move |value| {
+        if allowed.contains(&value.as_str()) {
+            Ok(())
+        } else {
+            Err(format!("expected {}, got \"{value}\"", allowed.join(" or ")))
+        }
+    }
+}
+
+impl Parameters {
+    /// Declares every parameter and reads its value.
+    ///
+    /// # Errors
+    /// The first parameter whose value is of another type or out of its range.
+    pub fn declare(node: &Node) -> Result<Self, RosError> {
+        let number = |name: &str, default: f64, low: f64, high: f64, text: &str| {
+            node.parameter(name, default).description(text).range(low, high).read_only().declare().map(|p| p.get())
+        };
+        let choice = |name: &str, default: &str, allowed: &'static [&'static str], text: &str| {
+            node.parameter(name, default.to_owned())
+                .description(text)
+                .validate(&allowed.join(" or "), one_of(allowed))
+                .read_only()
+                .declare()
+                .map(|p| p.get())
+        };
+        let flag = |name: &str, default: bool, text: &str| {
+            node.parameter(name, default).description(text).read_only().declare().map(|p| p.get())
+        };
+        let mode = choice(
+            "mode",
+            "realtime",
+            &["realtime", "lockstep"],
+            "realtime: cycles on the wall clock. lockstep: one cycle for each new stamp of joint_states.",
+        )?;
+        let clock = choice(
+            "clock",
+            "joint_states",
+            &["joint_states", "monotonic"],
+            "In realtime, the time that the gait follows: the stamps of joint_states (a simulation), or the machine's clock.",
+        )?;
+        let drive_mode = choice(
+            "drive_mode",
+            "impedance",
+            &["impedance", "torque"],
+            "impedance: the drive closes the law. torque: the controller does, and sends kp = kd = 0.",
+        )?;
+        let robot_folder = node
+            .parameter("robot", "config/robots/vision60".to_owned())
+            .description("Folder of the robot's description; looked for from the working folder, then above the program.")
+            .read_only()
+            .declare()?
+            .get();
+        let period_s = number("control_period_s", 1e-3, 2e-4, 0.02, "Control period in realtime, s.")?;
+        let state_rate_hz = number("state_rate_hz", 50.0, 0.1, 1000.0, "Rate of controller_state, Hz.")?;
+        let heartbeat_s = number(
+            "emergency_stop_heartbeat_s",
+            0.0,
+            0.0,
+            10.0,
+            "The emergency stop counts as pressed when its topic is silent for so long, s; 0: silence means nothing.",
+        )?;
+        let priority = node
+            .parameter("priority", 80_i64)
+            .description("SCHED_FIFO priority of the control thread; 0: ordinary scheduling.")
+            .range(0, 99)
+            .read_only()
+            .declare()?
+            .get();
+        let core = node
+            .parameter("core", -1_i64)
+            .description("Processor of the control thread; -1: any.")
+            .range(-1, 1023)
+            .read_only()
+            .declare()?
+            .get();
+        let lock_memory = flag("lock_memory", true, "Lock the process's memory.")?;
+        let start_on_gait = flag(
+            "simulation_start_on_gait",
+            false,
+            "The robot is simulated and put on the gait's first instant: arm and walk as soon as a gait is there. Never for a real robot.",
+        )?;
+        let lockstep = mode == "lockstep";
+        if lockstep && heartbeat_s > 0.0 {
+            return Err(RosError::Parameter {
+                name: "emergency_stop_heartbeat_s".into(),
+                reason: format!(
+                    "is {heartbeat_s} s, expected 0 in lockstep: silence is counted on the wall clock, which lockstep does not follow"
+                ),
+            });
+        }
+        Ok(Self {
+            pace: if lockstep { Pace::Lockstep } else { Pace::Realtime },
+            clock: if clock == "monotonic" { CycleClock::Monotonic } else { CycleClock::JointStates },
+            robot_folder: robot_folder.into(),
+            realtime: RealtimeRequest {
+                priority: u8::try_from(priority).ok().filter(|p| *p > 0),
+                core: usize::try_from(core).ok(),
+                lock_memory,
+                ..RealtimeRequest::default()
+            },
+            period: Duration::from_nanos((period_s * 1e9).round() as u64),
+            state_every: (1.0 / (state_rate_hz * period_s)).round().max(1.0) as u64,
+            heartbeat: (heartbeat_s > 0.0).then(|| Duration::from_secs_f64(heartbeat_s)),
+            start_on_gait,
+            values: Values {
+                drive_mode: if drive_mode == "torque" { DriveMode::Torque } else { DriveMode::Impedance },
+                state_timeout_s: number(
+                    "state_timeout_s",
+                    0.1,
+                    0.002,
+                    1.0,
+                    "Joint states older than this mean damping, s. On a robot's own bus take 0.005.",
+                )?,
+                overrun_s: number(
+                    "overrun_s",
+                    0.1,
+                    0.002,
+                    1.0,
+                    "Two cycles further apart than this are a fault, s. On a real robot take 0.01.",
+                )?,
+                start_blend_s: number("start_blend_s", 0.6, 0.05, 10.0, "From standing to the gait's first posture, s.")?,
+                stop_blend_s: number("stop_blend_s", 0.4, 0.05, 10.0, "From the last switch to rest, s.")?,
+                posture_speed_rad_s: number(
+                    "posture_speed_rad_s",
+                    0.8,
+                    0.05,
+                    3.0,
+                    "Mean speed of the fastest joint while standing up and sitting down, rad/s.",
+                )?,
+                tracking_error_rad: number(
+                    "tracking_error_rad",
+                    0.35,
+                    0.05,
+                    2.0,
+                    "A joint further than this from its command for 40 ms is a fault, rad.",
+                )?,
+                tilt_limit_rad: number(
+                    "tilt_limit_rad",
+                    0.8,
+                    0.1,
+                    1.5,
+                    "Roll or pitch beyond which the robot is damped, where an inertial unit is heard, rad.",
+                )?,
+            },
+        })
+    }
+
+    /// The controller's configuration for a robot.
+    pub fn control(&self, robot: &Robot) -> Config {
+        let v = &self.values;
+        Config {
+            drive_mode: v.drive_mode,
+            simulation_start: self.start_on_gait,
+            control_period_s: self.period.as_secs_f64(),
+            state_timeout_s: v.state_timeout_s,
+            overrun_s: v.overrun_s,
+            start_blend_s: v.start_blend_s,
+            stop_blend_s: v.stop_blend_s,
+            posture_speed_rad_s: v.posture_speed_rad_s,
+            tracking_error_rad: v.tracking_error_rad,
+            tilt_limit_rad: v.tilt_limit_rad,
+            ..Config::for_robot(robot)
+        }
+    }
+}
+
+/// A folder given relative to the working folder or, where it is not there, to a folder above the program: the program of
+/// a clone finds the clone's own `config` from anywhere.
+///
+/// # Errors
+/// It is in neither place; both are named.
+pub fn find_folder(given: &Path) -> anyhow::Result<PathBuf> {
+    if given.is_dir() {
+        return Ok(given.into());
+    }
+    let program = std::env::current_exe()?;
+    program
+        .ancestors()
+        .skip(1)
+        .map(|above| above.join(given))
+        .find(|folder| given.is_relative() && folder.is_dir())
+        .ok_or_else(|| {
+            anyhow::anyhow!(
+                "folder {} is neither in the working folder nor above {}: give its whole path in the parameter robot",
+                given.display(),
+                program.display()
+            )
+        })
+}

@@ -1,0 +1,319 @@
+//! The control thread: read, step, write. Between its start and its end it takes no lock, allocates nothing, and logs nothing.
+
+use control::{Controller, GaitName, Input, JOINTS, JointState, MAX_REQUESTS, Output, PreparedGait, Request, Tilt};
+use realtime::{Histogram, Periodic, RealtimeRequest, Warning, monotonic_now};
+use rtrb::{Consumer, Producer};
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
+use std::thread::Thread;
+use std::time::Duration;
+
+/// A joint state and when it came in, on the monotonic clock.
+#[derive(Clone, Copy, Debug)]
+pub struct TimedState {
+    /// The state; `arrived` is not yet set.
+    pub state: JointState,
+    /// When it came in.
+    pub wall: Duration,
+}
+
+/// An attitude and when it came in, on the monotonic clock.
+#[derive(Clone, Copy, Debug)]
+pub struct TimedTilt {
+    /// The attitude.
+    pub tilt: Tilt,
+    /// When it came in.
+    pub wall: Duration,
+}
+
+/// A request and the number under which its reply is waited for.
+#[derive(Clone, Copy, Debug)]
+pub struct Asked {
+    /// The number.
+    pub id: u64,
+    /// The request.
+    pub request: Request,
+}
+
+/// What the cycle says to the press.
+#[derive(Clone, Copy, Debug)]
+pub struct Said {
+    /// The controller's output.
+    pub output: Output,
+    /// False: the state was answered before, this is the same answer again.
+    pub new: bool,
+    /// Numbers of the requests that the output's replies answer.
+    pub ids: [u64; MAX_REQUESTS],
+    /// The loaded gait.
+    pub gait: Option<GaitName>,
+    /// Cycles that were missed so far.
+    pub missed_cycles: u64,
+    /// Once a second: how the loop keeps its time.
+    pub timing: Option<Timing>,
+}
+
+/// How the loop kept its time since it began.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Timing {
+    /// Lateness of wakes: median, 99th percentile, maximum.
+    pub latency: [Duration; 3],
+    /// Computing time of a cycle: median, 99th percentile, maximum.
+    pub compute: [Duration; 3],
+}
+
+/// The emergency stop's level. Pressed by the service, by the topic, or by the topic's silence.
+#[derive(Debug, Default)]
+pub struct EmergencyStop {
+    service: AtomicBool,
+    topic: AtomicBool,
+    /// Monotonic time of the last message on the topic, ns.
+    heard_ns: AtomicU64,
+    /// Longest silence, ns; 0: silence means nothing.
+    heartbeat_ns: u64,
+}
+
+impl EmergencyStop {
+    /// Released. With a heartbeat, pressed until the topic is heard.
+    pub fn new(heartbeat: Option<Duration>) -> Self {
+        Self { heartbeat_ns: heartbeat.map_or(0, |d| d.as_nanos() as u64), ..Self::default() }
+    }
+
+    /// The service was called.
+    pub fn set_by_service(&self, pressed: bool) {
+        self.service.store(pressed, Ordering::Release);
+    }
+
+    /// The topic was heard.
+    pub fn set_by_topic(&self, pressed: bool, wall: Duration) {
+        self.topic.store(pressed, Ordering::Release);
+        self.heard_ns.store(wall.as_nanos() as u64, Ordering::Release);
+    }
+
+    fn is_pressed(&self, wall: Duration) -> bool {
+        let silent = self.heartbeat_ns > 0 && {
+            let heard = self.heard_ns.load(Ordering::Acquire);
+            heard == 0 || (wall.as_nanos() as u64).saturating_sub(heard) > self.heartbeat_ns
+        };
+        self.service.load(Ordering::Acquire) || self.topic.load(Ordering::Acquire) || silent
+    }
+}
+
+/// Which clock the gait follows in realtime.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum CycleClock {
+    /// The stamps of the joint states, and the monotonic clock in between: right for a simulation at any speed.
+    JointStates,
+    /// The monotonic clock.
+    Monotonic,
+}
+
+/// An attitude older than this says nothing about now.
+const TILT_MEMORY: Duration = Duration::from_millis(200);
+/// Cycles between two reports on timing.
+const TIMING_EVERY: u64 = 1000;
+/// Lockstep looks at the end of the program this often.
+const LOCKSTEP_PATIENCE: Duration = Duration::from_millis(20);
+
+/// The cycle's ends of the buffers, and what it runs.
+pub struct Cycle {
+    /// The controller.
+    pub controller: Controller,
+    /// Joint states in.
+    pub states: Consumer<TimedState>,
+    /// Attitudes in.
+    pub tilts: Consumer<TimedTilt>,
+    /// Requests in.
+    pub asked: Consumer<Asked>,
+    /// Gaits in.
+    pub gaits: Consumer<PreparedGait>,
+    /// The emergency stop.
+    pub emergency_stop: Arc<EmergencyStop>,
+    /// The end of the program.
+    pub stop: Arc<AtomicBool>,
+    /// Outputs out.
+    pub said: Producer<Said>,
+    /// To be woken when there is an output.
+    pub press: Thread,
+    /// In a simulation that puts the robot on the gait: start there as soon as there is a gait and a state.
+    pub start_on_gait: bool,
+}
+
+impl Cycle {
+    /// One step on `state` at time `now`, with everything that was asked meanwhile.
+    fn step(&mut self, memory: &mut Memory, state: Option<&JointState>, now: Duration, wall: Duration, stop: bool) -> Output {
+        let mut requests = [Request::Stop; MAX_REQUESTS];
+        let mut ids = [0; MAX_REQUESTS];
+        let mut count = 0;
+        let mut gait = None;
+        while let Ok(newer) = self.gaits.pop() {
+            gait = Some(newer);
+        }
+        if self.start_on_gait && state.is_some() && (gait.is_some() || self.controller.gait().is_some()) {
+            self.start_on_gait = false;
+            requests[0] = Request::StartOnGait;
+            count = 1;
+        }
+        while count < MAX_REQUESTS {
+            let Ok(asked) = self.asked.pop() else { break };
+            (requests[count], ids[count]) = (asked.request, asked.id);
+            count += 1;
+        }
+        while let Ok(newer) = self.tilts.pop() {
+            memory.tilt = Some(newer);
+        }
+        let tilt = memory.tilt.filter(|t| wall.saturating_sub(t.wall) < TILT_MEMORY).map(|t| t.tilt);
+        let output = self.controller.step(
+            &Input {
+                joints: state,
+                tilt,
+                requests: &requests[..count],
+                gait: gait.as_ref(),
+                emergency_stop: stop || self.emergency_stop.is_pressed(wall),
+                fault: None,
+            },
+            now,
+        );
+        memory.compute.record(monotonic_now().saturating_sub(wall));
+        let timing = output.cycles.is_multiple_of(TIMING_EVERY).then(|| memory.timing());
+        self.say(Said {
+            output,
+            new: true,
+            ids,
+            gait: self.controller.gait().map(PreparedGait::name),
+            missed_cycles: memory.missed_cycles,
+            timing,
+        });
+        output
+    }
+
+    /// A full buffer means that the press has stalled; what it misses are outputs that are too old already.
+    fn say(&mut self, said: Said) {
+        if self.said.push(said).is_ok() {
+            self.press.unpark();
+        }
+    }
+
+    /// Runs on the wall clock until the end of the program; the last command is damping.
+    pub fn run_realtime(
+        mut self,
+        period: Duration,
+        clock: CycleClock,
+        request: RealtimeRequest,
+        warn: impl FnOnce(Vec<Warning>),
+    ) {
+        warn(request.apply());
+        let mut memory = Memory::default();
+        let mut newest: Option<TimedState> = None;
+        let mut last_now = Duration::ZERO;
+        let mut periodic = Periodic::new(period);
+        loop {
+            let wake = periodic.wait();
+            memory.latency.record(wake.latency());
+            memory.missed_cycles += wake.missed;
+            while let Ok(state) = self.states.pop() {
+                if newest.is_some_and(|old| state.state.stamp < old.state.stamp) {
+                    // The simulation began anew; the controller has a fault for it if it is armed.
+                    last_now = Duration::ZERO;
+                }
+                if newest.is_none_or(|old| state.state.stamp != old.state.stamp) {
+                    newest = Some(state);
+                }
+            }
+            let wall = monotonic_now();
+            let (now, state) = match (clock, newest) {
+                (CycleClock::JointStates, Some(timed)) => {
+                    let now = last_now.max(timed.state.stamp + wall.saturating_sub(timed.wall));
+                    (now, Some(JointState { arrived: [timed.state.stamp; JOINTS], ..timed.state }))
+                }
+                (CycleClock::JointStates, None) => (last_now, None),
+                (CycleClock::Monotonic, newest) => {
+                    (wall, newest.map(|timed| JointState { arrived: [timed.wall; JOINTS], ..timed.state }))
+                }
+            };
+            last_now = now;
+            let stop = self.stop.load(Ordering::Acquire);
+            self.step(&mut memory, state.as_ref(), now, wall, stop);
+            if stop {
+                return;
+            }
+        }
+    }
+
+    /// Runs on the stamps of the joint states until the end of the program: one step for each new stamp, none for a stamp
+    /// that was answered before, which gets the same answer again. What is asked between two stamps is applied at the
+    /// second, so that a run is the same to the bit however its processes are scheduled.
+    pub fn run_lockstep(mut self) {
+        let mut memory = Memory::default();
+        let mut last: Option<Output> = None;
+        loop {
+            let mut idle = true;
+            while let Ok(TimedState { state, .. }) = self.states.pop() {
+                idle = false;
+                match last {
+                    Some(output) if output.answered == Some(state.stamp) => self.say(Said {
+                        output,
+                        new: false,
+                        ids: [0; MAX_REQUESTS],
+                        gait: self.controller.gait().map(PreparedGait::name),
+                        missed_cycles: 0,
+                        timing: None,
+                    }),
+                    _ => {
+                        let state = JointState { arrived: [state.stamp; JOINTS], ..state };
+                        last = Some(self.step(&mut memory, Some(&state), state.stamp, monotonic_now(), false));
+                    }
+                }
+            }
+            if self.stop.load(Ordering::Acquire) {
+                if let Some(now) = last.and_then(|output| output.answered) {
+                    self.step(&mut memory, None, now, monotonic_now(), true);
+                }
+                return;
+            }
+            if idle {
+                std::thread::park_timeout(LOCKSTEP_PATIENCE);
+            }
+        }
+    }
+}
+
+/// What the loop remembers besides the controller.
+#[derive(Default)]
+struct Memory {
+    tilt: Option<TimedTilt>,
+    latency: Histogram,
+    compute: Histogram,
+    missed_cycles: u64,
+}
+
+impl Memory {
+    fn timing(&self) -> Timing {
+        let of = |h: &Histogram| [h.quantile(0.5), h.quantile(0.99), h.max()];
+        Timing { latency: of(&self.latency), compute: of(&self.compute) }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_emergency_stop_is_pressed_by_any_of_its_ways() {
+        let wall = Duration::from_secs(100);
+        let stop = EmergencyStop::new(None);
+        assert!(!stop.is_pressed(wall));
+        stop.set_by_service(true);
+        assert!(stop.is_pressed(wall));
+        stop.set_by_service(false);
+        stop.set_by_topic(true, wall);
+        assert!(stop.is_pressed(wall));
+        stop.set_by_topic(false, wall);
+        assert!(!stop.is_pressed(wall + Duration::from_secs(1000)));
+
+        let stop = EmergencyStop::new(Some(Duration::from_millis(500)));
+        assert!(stop.is_pressed(wall), "not heard yet");
+        stop.set_by_topic(false, wall);
+        assert!(!stop.is_pressed(wall + Duration::from_millis(400)));
+        assert!(stop.is_pressed(wall + Duration::from_millis(600)), "silent");
+    }
+}

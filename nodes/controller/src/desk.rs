@@ -1,0 +1,197 @@
+//! Callbacks and services: turn messages into values, refuse what is wrong with them, put the rest into the cycle's buffers.
+
+use crate::cycle::{Asked, EmergencyStop, TimedState, TimedTilt};
+use crate::ports;
+use control::{Config, Fault, Mode, PreparedGait, Refusal, Request};
+use gait::Gait;
+use realtime::monotonic_now;
+use ros::{Node, Qos, RosError};
+use rtrb::Producer;
+use std::collections::HashMap;
+use std::sync::mpsc::{RecvTimeoutError, Sender, channel};
+use std::sync::{Arc, Mutex, PoisonError};
+use std::thread::Thread;
+use std::time::Duration;
+use tandem_msgs::std_srvs::{SetBool, SetBoolResponse, Trigger, TriggerResponse};
+use tandem_msgs::{ClearFault, ClearFaultResponse, LoadGait, LoadGaitResponse, sensor_msgs, std_msgs};
+
+/// How long a service waits for the cycle. In lockstep time may stand still; the request is then applied when it goes on.
+const PATIENCE: Duration = Duration::from_millis(300);
+
+type Reply = Result<Mode, Refusal>;
+
+/// The middleware's side of the buffers for requests and gaits. Shared by the services, which take turns.
+pub struct Desk {
+    asked: Mutex<(Producer<Asked>, u64)>,
+    gaits: Mutex<Producer<PreparedGait>>,
+    waiting: Mutex<HashMap<u64, Sender<Reply>>>,
+    emergency_stop: Arc<EmergencyStop>,
+    config: Config,
+    lockstep: bool,
+}
+
+/// The middleware's side of the buffers for measurements.
+pub struct Sensors {
+    /// Joint states to the cycle.
+    pub states: Producer<TimedState>,
+    /// Attitudes to the cycle.
+    pub tilts: Producer<TimedTilt>,
+    /// In lockstep: the cycle's thread, to be woken by a state.
+    pub wake: Option<Thread>,
+}
+
+fn lock<T>(mutex: &Mutex<T>) -> std::sync::MutexGuard<'_, T> {
+    // What is guarded is whole after a panic elsewhere.
+    mutex.lock().unwrap_or_else(PoisonError::into_inner)
+}
+
+impl Desk {
+    /// A desk for a cycle.
+    pub fn new(
+        asked: Producer<Asked>,
+        gaits: Producer<PreparedGait>,
+        emergency_stop: Arc<EmergencyStop>,
+        config: Config,
+        lockstep: bool,
+    ) -> Self {
+        Self {
+            asked: Mutex::new((asked, 0)),
+            gaits: Mutex::new(gaits),
+            waiting: Mutex::default(),
+            emergency_stop,
+            config,
+            lockstep,
+        }
+    }
+
+    /// The cycle has replied to request number `id`.
+    pub fn reply(&self, id: u64, reply: Reply) {
+        let waiting = lock(&self.waiting).remove(&id);
+        let heard = waiting.is_some_and(|sender| sender.send(reply).is_ok());
+        if !heard && let Err(refusal) = reply {
+            tracing::warn!("a queued request: {refusal}");
+        }
+    }
+
+    /// Asks the cycle and waits for its reply: whether it was granted, and a sentence for people.
+    pub fn ask(&self, request: Request) -> (bool, String) {
+        let (sender, receiver) = channel();
+        {
+            let mut asked = lock(&self.asked);
+            asked.1 += 1;
+            let id = asked.1;
+            lock(&self.waiting).insert(id, sender);
+            if asked.0.push(Asked { id, request }).is_err() {
+                lock(&self.waiting).remove(&id);
+                return (false, "too many requests are waiting: are joint states coming in?".into());
+            }
+        }
+        match receiver.recv_timeout(PATIENCE) {
+            Ok(Ok(mode)) => (true, mode.name().into()),
+            Ok(Err(refusal)) => (false, refusal.to_string()),
+            Err(RecvTimeoutError::Timeout) if self.lockstep => {
+                (true, "queued: time stands still; it is applied with the next joint state".into())
+            }
+            Err(_) => (false, "the control loop does not answer; see the node's log".into()),
+        }
+    }
+
+    /// Checks a gait against the robot and hands it to the cycle.
+    pub fn load(&self, gait: &Gait) -> Result<String, String> {
+        let prepared = PreparedGait::new(gait, &self.config).map_err(|e| e.to_string())?;
+        lock(&self.gaits)
+            .push(prepared)
+            .map_err(|_| "too many gaits are waiting: are joint states coming in?".to_owned())?;
+        Ok(format!("gait \"{}\": {:.3} s a step, {:.3} m/s", gait.name, gait.step_duration_s, gait.speed_m_s()))
+    }
+
+    /// Creates the node's subscriptions and services.
+    pub fn open(self: &Arc<Self>, node: &Node, mut sensors: Sensors, fast: Qos) -> Result<(), RosError> {
+        let names = self.config.joint_names.clone();
+        let mut refused = 0_u64;
+        let wake = sensors.wake.clone();
+        node.subscribe("joint_states", fast, move |message: sensor_msgs::JointState| {
+            match ports::joint_state(&message, &names) {
+                // A full buffer: the cycle takes the newest of what is there, or has ended.
+                Ok(state) => {
+                    let _ = sensors.states.push(TimedState { state, wall: monotonic_now() });
+                    if let Some(cycle) = &wake {
+                        cycle.unpark();
+                    }
+                }
+                Err(reason) => {
+                    // A wrong publisher at 1 kHz must not fill the log.
+                    refused += 1;
+                    if refused.is_power_of_two() {
+                        tracing::warn!("joint_states refused ({refused} so far): {reason}");
+                    }
+                }
+            }
+        })?;
+        node.subscribe("imu", Qos::best_effort(1), move |message: sensor_msgs::Imu| {
+            if let Some(tilt) = ports::tilt(&message) {
+                let _ = sensors.tilts.push(TimedTilt { tilt, wall: monotonic_now() });
+            }
+        })?;
+        let desk = Arc::clone(self);
+        node.subscribe("gait", Qos::latched(), move |message: tandem_msgs::Gait| {
+            match ports::gait(&message).and_then(|gait| desk.load(&gait)) {
+                Ok(what) => tracing::info!("{what}"),
+                Err(reason) => tracing::error!("gait \"{}\" refused: {reason}", message.name),
+            }
+        })?;
+        let stop = Arc::clone(&self.emergency_stop);
+        node.subscribe("emergency_stop", Qos::reliable(1), move |message: std_msgs::Bool| {
+            stop.set_by_topic(message.data, monotonic_now());
+        })?;
+        let stop = Arc::clone(&self.emergency_stop);
+        node.serve::<SetBool>("emergency_stop", move |request| {
+            stop.set_by_service(request.data);
+            let message = if request.data { "pressed: the robot is damped" } else { "released; it stays damped" };
+            SetBoolResponse { success: true, message: message.into() }
+        })?;
+        for (service, request) in [
+            ("arm", Request::Arm),
+            ("disarm", Request::Disarm),
+            ("stand", Request::Stand),
+            ("sit", Request::Sit),
+            ("walk", Request::Walk),
+            ("stop", Request::Stop),
+        ] {
+            let desk = Arc::clone(self);
+            node.serve::<Trigger>(service, move |_| {
+                let (success, message) = desk.ask(request);
+                tracing::info!("{service}: {message}");
+                TriggerResponse { success, message }
+            })?;
+        }
+        let desk = Arc::clone(self);
+        node.serve::<ClearFault>("clear_fault", move |request| {
+            let (success, message) = match Fault::from_name(&request.name) {
+                Some(fault) => desk.ask(Request::ClearFault(fault)),
+                None => (
+                    false,
+                    format!(
+                        "there is no fault \"{}\"; there are {}",
+                        request.name,
+                        Fault::ALL.map(Fault::name).join(", ")
+                    ),
+                ),
+            };
+            tracing::info!("clear_fault {}: {message}", request.name);
+            ClearFaultResponse { success, message }
+        })?;
+        let desk = Arc::clone(self);
+        node.serve::<LoadGait>("load_gait", move |request| {
+            let loaded =
+                Gait::from_json(&request.json).map_err(|e| e.to_string()).and_then(|gait| desk.load(&gait));
+            let (success, message) = match loaded {
+                Ok(what) => (true, what),
+                Err(reason) => (false, reason),
+            };
+            tracing::info!("load_gait: {message}");
+            LoadGaitResponse { success, message }
+        })?;
+        Ok(())
+    }
+}

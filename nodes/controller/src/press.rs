@@ -1,0 +1,212 @@
+//! The thread that publishes what the cycle said.
+
+use crate::cycle::{Said, Timing};
+use crate::desk::Desk;
+use crate::ports;
+use control::{DampingReason, Fault, FaultReport, JOINTS, Mode};
+use ros::{Node, PublishError, Publisher, Qos, RosError, Stop};
+use rtrb::Consumer;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::time::Duration;
+use tandem_msgs::diagnostic_msgs::{DiagnosticArray, DiagnosticStatus, KeyValue};
+use tandem_msgs::std_msgs::Header;
+use tandem_msgs::{ControllerState, JointCommand};
+
+/// How long it sleeps when nobody wakes it.
+const PATIENCE: Duration = Duration::from_millis(20);
+/// A command for a state that was answered before is sent again only so often: its receiver has it, unless it was lost.
+const REPEAT_EVERY: u64 = 10;
+
+/// The node's publishers.
+pub struct Press {
+    joint_command: Publisher<JointCommand>,
+    controller_state: Publisher<ControllerState>,
+    diagnostics: Publisher<DiagnosticArray>,
+    joint_names: [String; JOINTS],
+    node_name: String,
+    lockstep: bool,
+    /// Cycles between two messages of state.
+    state_every: u64,
+    stop: Stop,
+    last: Last,
+    publish_failures: u64,
+}
+
+/// What was said last, to tell what is new.
+#[derive(Default)]
+struct Last {
+    answered: Option<Duration>,
+    mode: Option<Mode>,
+    report: Option<FaultReport>,
+    repeats: u64,
+}
+
+impl Press {
+    /// Creates the publishers.
+    pub fn new(
+        node: &Node,
+        joint_names: [String; JOINTS],
+        lockstep: bool,
+        state_every: u64,
+        fast: Qos,
+    ) -> Result<Self, RosError> {
+        Ok(Self {
+            joint_command: node.publisher("joint_command", fast)?,
+            controller_state: node.publisher("controller_state", Qos::reliable(10))?,
+            diagnostics: node.publisher("/diagnostics", Qos::reliable(10))?,
+            joint_names,
+            node_name: node.full_name(),
+            lockstep,
+            state_every,
+            stop: node.stop(),
+            last: Last::default(),
+            publish_failures: 0,
+        })
+    }
+
+    /// Publishes until `cycle_ended`, and everything that was said until then.
+    pub fn run(mut self, mut said: Consumer<Said>, desk: &Desk, cycle_ended: &AtomicBool) {
+        loop {
+            let ended = cycle_ended.load(Ordering::Acquire);
+            while let Ok(said) = said.pop() {
+                self.print(&said, desk);
+            }
+            if ended {
+                return;
+            }
+            std::thread::park_timeout(PATIENCE);
+        }
+    }
+
+    fn print(&mut self, said: &Said, desk: &Desk) {
+        let output = &said.output;
+        for (id, reply) in said.ids.iter().zip(&output.replies) {
+            if said.new
+                && *id != 0
+                && let Some(reply) = reply
+            {
+                desk.reply(*id, *reply);
+            }
+        }
+        // Without any state there is nothing to answer.
+        if output.answered.is_some() {
+            let repeated = output.answered == self.last.answered;
+            self.last.repeats = if repeated { self.last.repeats + 1 } else { 0 };
+            let changed = self.last.mode != Some(output.mode);
+            if self.lockstep || changed || self.last.repeats.is_multiple_of(REPEAT_EVERY) {
+                let sent = self.joint_command.publish(ports::joint_command(output, &self.joint_names));
+                self.note(sent);
+            }
+        }
+        if !said.new {
+            return;
+        }
+        let changed = self.last.mode != Some(output.mode) || self.last.report != output.report;
+        self.log(said);
+        self.last.answered = output.answered;
+        self.last.mode = Some(output.mode);
+        self.last.report = output.report;
+        if changed || output.cycles.is_multiple_of(self.state_every) {
+            let gait = said.gait.as_ref().map(|name| name.as_str());
+            let sent = self.controller_state.publish(ports::controller_state(output, gait, said.missed_cycles));
+            self.note(sent);
+        }
+        if let Some(timing) = &said.timing {
+            let sent = self.diagnostics.publish(self.diagnostics(said, timing));
+            self.note(sent);
+        }
+    }
+
+    fn log(&self, said: &Said) {
+        let output = &said.output;
+        if self.last.mode != Some(output.mode) {
+            match (output.mode, output.damping_reason) {
+                (Mode::Damping, Some(DampingReason::EmergencyStop)) => tracing::error!("emergency stop: damping"),
+                (Mode::Damping, Some(DampingReason::StaleJointState)) => {
+                    tracing::error!("the joint states have stopped coming: damping");
+                }
+                (mode, _) => tracing::info!("{}", mode.name()),
+            }
+        }
+        if let Some(report) = &output.report
+            && self.last.report != output.report
+        {
+            tracing::error!("{}", report.message(&self.joint_names));
+        }
+    }
+
+    fn note(&mut self, sent: Result<(), PublishError>) {
+        let Err(error) = sent else { return };
+        if self.stop.is_requested() {
+            return;
+        }
+        if self.lockstep && matches!(error, PublishError::Full { .. }) {
+            // Lockstep promises that nothing is lost.
+            tracing::error!("{error}; lockstep ends");
+            self.stop.request();
+            return;
+        }
+        self.publish_failures += 1;
+        if self.publish_failures.is_power_of_two() {
+            tracing::warn!("{} messages not published; the last: {error}", self.publish_failures);
+        }
+    }
+
+    fn diagnostics(&self, said: &Said, timing: &Timing) -> DiagnosticArray {
+        let output = &said.output;
+        let value = |key: &str, value: String| KeyValue { key: key.into(), value };
+        let us = |d: Duration| format!("{:.1}", d.as_secs_f64() * 1e6);
+        let mut values = vec![
+            value("mode", output.mode.name().into()),
+            value("cycles", output.cycles.to_string()),
+            value("missed_cycles", said.missed_cycles.to_string()),
+            value("cycles_without_new_state", output.stale_inputs.to_string()),
+            value("publish_failures", self.publish_failures.to_string()),
+        ];
+        for (what, quantiles) in [("latency", timing.latency), ("compute", timing.compute)] {
+            for (name, duration) in ["median", "p99", "max"].into_iter().zip(quantiles) {
+                values.push(value(&format!("{what}_{name}_us"), us(duration)));
+            }
+        }
+        let (level, message) = if output.faults.is_empty() {
+            match (output.mode, output.damping_reason) {
+                (Mode::Damping, Some(DampingReason::EmergencyStop | DampingReason::StaleJointState)) => {
+                    (DiagnosticStatus::WARN, output.damping_reason.map_or("", DampingReason::name).to_owned())
+                }
+                (mode, _) => (DiagnosticStatus::OK, mode.name().to_owned()),
+            }
+        } else {
+            (DiagnosticStatus::ERROR, output.faults.iter().map(Fault::name).collect::<Vec<_>>().join(","))
+        };
+        DiagnosticArray {
+            header: Header { stamp: ros::wall_time(), frame_id: String::new() },
+            status: vec![DiagnosticStatus {
+                level,
+                name: format!("{}: control loop", self.node_name),
+                message,
+                hardware_id: String::new(),
+                values,
+            }],
+        }
+    }
+}
+
+/// What the press's thread is given.
+pub struct PressRoom {
+    /// The publishers.
+    pub press: Press,
+    /// What the cycle says.
+    pub said: Consumer<Said>,
+    /// Whom requests' replies go to.
+    pub desk: Arc<Desk>,
+    /// Set once the cycle says no more.
+    pub cycle_ended: Arc<AtomicBool>,
+}
+
+impl PressRoom {
+    /// Publishes until the cycle has ended.
+    pub fn run(self) {
+        self.press.run(self.said, &self.desk, &self.cycle_ended);
+    }
+}
