@@ -239,7 +239,10 @@ fn a_gait_that_starts_near_is_taken_at_a_switch_without_a_jump() {
             let speed = output.command.velocity_rad_s[j] - last.command.velocity_rad_s[j];
             assert!(speed.abs() < 0.3, "cycle {n} joint {j}: velocity stepped {speed}");
         }
-        if changed.is_none() && b.controller.gait().unwrap().name().as_str() == "other" && output.step_phase < last.step_phase {
+        if changed.is_none()
+            && b.controller.gait().unwrap().name().as_str() == "other"
+            && output.step_phase < last.step_phase
+        {
             changed = Some(n);
         }
         last = output;

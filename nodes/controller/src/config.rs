@@ -100,7 +100,9 @@ impl Parameters {
         )?;
         let robot_folder = node
             .parameter("robot", "config/robots/vision60".to_owned())
-            .description("Folder of the robot's description; looked for from the working folder, then above the program.")
+            .description(
+                "Folder of the robot's description; looked for from the working folder, then above the program.",
+            )
             .read_only()
             .declare()?
             .get();
@@ -172,7 +174,13 @@ impl Parameters {
                     1.0,
                     "Two cycles further apart than this are a fault, s. On a real robot take 0.01.",
                 )?,
-                start_blend_s: number("start_blend_s", 0.6, 0.05, 10.0, "From standing to the gait's first posture, s.")?,
+                start_blend_s: number(
+                    "start_blend_s",
+                    0.6,
+                    0.05,
+                    10.0,
+                    "From standing to the gait's first posture, s.",
+                )?,
                 stop_blend_s: number("stop_blend_s", 0.4, 0.05, 10.0, "From the last switch to rest, s.")?,
                 posture_speed_rad_s: number(
                     "posture_speed_rad_s",

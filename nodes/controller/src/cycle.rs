@@ -140,7 +140,14 @@ pub struct Cycle {
 
 impl Cycle {
     /// One step on `state` at time `now`, with everything that was asked meanwhile.
-    fn step(&mut self, memory: &mut Memory, state: Option<&JointState>, now: Duration, wall: Duration, stop: bool) -> Output {
+    fn step(
+        &mut self,
+        memory: &mut Memory,
+        state: Option<&JointState>,
+        now: Duration,
+        wall: Duration,
+        stop: bool,
+    ) -> Output {
         let mut requests = [Request::Stop; MAX_REQUESTS];
         let mut ids = [0; MAX_REQUESTS];
         let mut count = 0;

@@ -135,7 +135,7 @@ impl Desk {
         })?;
         let desk = Arc::clone(self);
         node.subscribe("gait", Qos::latched(), move |message: tandem_msgs::Gait| {
-            match ports::gait(&message).and_then(|gait| desk.load(&gait)) {
+            match message.to_gait().map_err(|e| e.to_string()).and_then(|gait| desk.load(&gait)) {
                 Ok(what) => tracing::info!("{what}"),
                 Err(reason) => tracing::error!("gait \"{}\" refused: {reason}", message.name),
             }
@@ -183,8 +183,7 @@ impl Desk {
         })?;
         let desk = Arc::clone(self);
         node.serve::<LoadGait>("load_gait", move |request| {
-            let loaded =
-                Gait::from_json(&request.json).map_err(|e| e.to_string()).and_then(|gait| desk.load(&gait));
+            let loaded = Gait::from_json(&request.json).map_err(|e| e.to_string()).and_then(|gait| desk.load(&gait));
             let (success, message) = match loaded {
                 Ok(what) => (true, what),
                 Err(reason) => (false, reason),

@@ -8,7 +8,7 @@
 //!   is wrong with them, and put the rest into the buffers;
 //! - the **press** ([`press`]): a thread that publishes what the cycle said.
 //!
-//! [`ports`] is the one place where messages and the project's own types meet.
+//! [`ports`] is the one place where messages and the controller's own types meet.
 
 pub mod config;
 pub mod cycle;

@@ -69,10 +69,12 @@ fn run() -> anyhow::Result<()> {
             drop(warnings_in);
             cycle.run_lockstep();
         }
-        Pace::Realtime => cycle.run_realtime(parameters.period, parameters.clock, parameters.realtime, move |warnings| {
-            // The receiver waits for it; the channel has room.
-            let _ = warnings_in.send(warnings);
-        }),
+        Pace::Realtime => {
+            cycle.run_realtime(parameters.period, parameters.clock, parameters.realtime, move |warnings| {
+                // The receiver waits for it; the channel has room.
+                let _ = warnings_in.send(warnings);
+            })
+        }
     })?;
     for warning in warnings.recv().unwrap_or_default() {
         tracing::warn!("{warning}");

@@ -1,7 +1,6 @@
-//! Messages to and from the project's own types: the one place where the two meet.
+//! Messages to and from the controller's own types: the one place where the two meet. (Gaits: [`tandem_msgs::Gait::to_gait`].)
 
 use control::{JOINTS, JointState, Output, Tilt};
-use gait::{Gait, InitialState, Mirror, SolverSummary};
 use std::time::Duration;
 use tandem_msgs::builtin_interfaces::Time;
 use tandem_msgs::std_msgs::Header;
@@ -100,70 +99,6 @@ pub fn controller_state(output: &Output, gait: Option<&str>, missed_cycles: u64)
     }
 }
 
-fn array<T: Copy, const N: usize>(field: &str, list: &[T]) -> Result<[T; N], String> {
-    list.try_into().map_err(|_| format!("{field} has {} entries, expected {N}", list.len()))
-}
-
-fn rows(field: &str, list: &[f64]) -> Result<[gait::Coefficients; JOINTS], String> {
-    let columns = gait::bezier::DEGREE + 1;
-    if list.len() != JOINTS * columns {
-        return Err(format!("{field} has {} entries, expected {}", list.len(), JOINTS * columns));
-    }
-    Ok(std::array::from_fn(|j| std::array::from_fn(|i| list[j * columns + i])))
-}
-
-/// A gait from its message, with every value checked as a gait file's values are.
-pub fn gait(message: &tandem_msgs::Gait) -> Result<Gait, String> {
-    let m = message;
-    if u64::from(m.version) != gait::FILE_VERSION {
-        return Err(format!("version is {}, expected {}", m.version, gait::FILE_VERSION));
-    }
-    if usize::from(m.bezier_degree) != gait::bezier::DEGREE {
-        return Err(format!("bezier_degree is {}, expected {}", m.bezier_degree, gait::bezier::DEGREE));
-    }
-    let names: [String; JOINTS] = m
-        .joint_names
-        .clone()
-        .try_into()
-        .map_err(|names: Vec<_>| format!("joint_names has {} entries, expected {JOINTS}", names.len()))?;
-    let (pose, twist) = (&m.initial_base_pose, &m.initial_base_twist);
-    let gait = Gait {
-        robot: m.robot.clone(),
-        name: m.name.clone(),
-        joint_names: names,
-        step_duration_s: m.step_duration_s,
-        step_length_m: m.step_length_m,
-        coefficients_rad: rows("coefficients_rad", &m.coefficients_rad)?,
-        mirror: Mirror {
-            leg: array::<u8, 4>("mirror_leg", &m.mirror_leg)?.map(usize::from),
-            sign: array("mirror_sign", &m.mirror_sign)?,
-        },
-        initial: InitialState {
-            base_position_m: [pose.position.x, pose.position.y, pose.position.z],
-            base_quaternion_xyzw: [pose.orientation.x, pose.orientation.y, pose.orientation.z, pose.orientation.w],
-            base_linear_velocity_world: [twist.linear.x, twist.linear.y, twist.linear.z],
-            base_angular_velocity_body: [twist.angular.x, twist.angular.y, twist.angular.z],
-            joint_position_rad: array("initial_joint_position_rad", &m.initial_joint_position_rad)?,
-            joint_velocity_rad_s: array("initial_joint_velocity_rad_s", &m.initial_joint_velocity_rad_s)?,
-        },
-        reference_coefficients_rad: rows("reference_coefficients_rad", &m.reference_coefficients_rad)?,
-        kp: array("kp", &m.kp)?,
-        kd: array("kd", &m.kd)?,
-        torque_limit_nm: array("torque_limit_nm", &m.torque_limit_nm)?,
-        // What was asked for is for people; the walk does not depend on it.
-        request: serde_json::from_str(&m.request_json).unwrap_or(serde_json::Value::Null),
-        solver: SolverSummary {
-            status: m.solver.status.clone(),
-            iterations: m.solver.iterations,
-            solve_time_s: m.solver.solve_time_s,
-            max_violation: m.solver.max_violation,
-            objective: m.solver.objective,
-        },
-    };
-    gait.validate().map_err(|e| e.to_string())?;
-    Ok(gait)
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -212,15 +147,5 @@ mod tests {
         assert!((tilt_found.roll_rad - roll).abs() < 1e-12 && (tilt_found.pitch_rad - pitch).abs() < 1e-12);
         imu.orientation_covariance[0] = -1.0;
         assert_eq!(tilt(&imu), None);
-    }
-
-    #[test]
-    fn gait_messages_are_refused_by_what_is_wrong() {
-        let bare = tandem_msgs::Gait { version: 1, bezier_degree: 5, ..Default::default() };
-        assert!(gait(&bare).unwrap_err().contains("joint_names has 0 entries"));
-        let wrong = tandem_msgs::Gait { version: 2, ..bare.clone() };
-        assert!(gait(&wrong).unwrap_err().contains("version is 2, expected 1"));
-        let short = tandem_msgs::Gait { joint_names: names().to_vec(), coefficients_rad: vec![0.0; 71], ..bare };
-        assert!(gait(&short).unwrap_err().contains("coefficients_rad has 71 entries, expected 72"));
     }
 }
