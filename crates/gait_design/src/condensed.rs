@@ -36,15 +36,18 @@ const UNKNOWN: [usize; 7] = [0, 1, 2, 3, 4, 5, 6 + STANCE_ROLL];
 /// An end row whose largest entry is below this, relative to where it began, repeats the others.
 const REPEATED: f64 = 1e-9;
 
-/// An affine function of the inputs.
+/// An affine function of the inputs: coefficients, then the constant.
 type Affine = [f64; INPUTS + 1];
-/// An affine function of what the end rows leave free.
+/// An affine function of what the end rows leave free: coefficients, then the constant.
 type Reduced = [f64; WIDTH];
 
-fn unit(input: usize) -> Affine {
-    let mut row = [0.0; INPUTS + 1];
-    row[input] = 1.0;
-    row
+/// The inputs as functions of themselves.
+fn units() -> [Affine; INPUTS] {
+    std::array::from_fn(|input| {
+        let mut row = [0.0; INPUTS + 1];
+        row[input] = 1.0;
+        row
+    })
 }
 
 fn add<const N: usize>(to: &mut [f64; N], scale: f64, from: &[f64; N]) {
@@ -108,6 +111,7 @@ struct ReducedPoint {
 #[derive(Default)]
 pub struct Condensed {
     motion: Vec<Motion<Affine>>,
+    reduced_motion: Vec<Motion<Reduced>>,
     points: Vec<ReducedPoint>,
     qp: DenseQp,
     solver: DualActiveSet,
@@ -121,9 +125,12 @@ impl Subproblem<DecomposedProgram> for Condensed {
         at: &Evaluation,
         constraints: &[f64],
     ) -> Result<Step, SubproblemError> {
-        self.move_along(program, x, constraints)?;
-        let (free, inputs) = self.tie_ends(program, at, constraints)?;
-        self.reduce(program, constraints, &inputs);
+        // Along the step twice: once for what the ends need, with all inputs, once more with what the ends leave free. The
+        // second time costs less than substituting would.
+        move_along(program, x, constraints, &units(), &mut self.motion)?;
+        let (free, inputs) = self.tie_ends(program, constraints)?;
+        move_along(program, x, constraints, &inputs, &mut self.reduced_motion)?;
+        self.reduce(program, constraints);
         let roll = stance_roll_coefficients(program, x, constraints, &self.points, &inputs)?;
         self.assemble(program, x, at, constraints, free, &inputs, &roll);
         self.solver.solve(&self.qp).map_err(|e| match e {
@@ -139,123 +146,8 @@ impl Subproblem<DecomposedProgram> for Condensed {
 }
 
 impl Condensed {
-    /// Part 1: q, q̇, q̈ at every point as affine functions of the inputs.
-    fn move_along(&mut self, program: &DecomposedProgram, x: &[f64], g: &[f64]) -> Result<(), SubproblemError> {
-        let t = x[at::T];
-        let zero = [0.0; INPUTS + 1];
-        let none = Motion { q: [zero; DOF], v: [zero; DOF], a: [zero; DOF] };
-        self.motion.clear();
-        self.motion.resize(program.points(), none);
-
-        // Output rows: T² θ̈ = B̈(s), linearised.
-        for point in 0..program.points() {
-            let second = bezier::basis_second_derivative(program.phase(point));
-            for i in (0..OUTPUTS).filter(|&i| i != STANCE_ROLL) {
-                let row = &mut self.motion[point].a[6 + i];
-                for k in 0..COEFFICIENTS {
-                    row[coefficient(i, k)] = second[k] / (t * t);
-                }
-                row[STEP_DURATION] = -2.0 * x[at::point(point) + at::A + 6 + i] / t;
-                row[CONSTANT] = -g[rows::COUNT * point + rows::OUTPUT + i] / (t * t);
-            }
-        }
-
-        let first = &mut self.motion[0];
-        first.q[0][CONSTANT] = -x[at::point(0) + at::Q];
-        for i in 1..6 {
-            first.q[i] = unit(i - 1);
-        }
-        for i in 0..6 {
-            first.v[i] = unit(5 + i);
-        }
-        first.q[6 + STANCE_ROLL] = unit(11);
-        first.v[6 + STANCE_ROLL] = unit(12);
-        let slope = bezier::basis_first_derivative(0.0);
-        let start = program.start_of_first();
-        for i in (0..OUTPUTS).filter(|&i| i != STANCE_ROLL) {
-            first.q[6 + i] = unit(coefficient(i, 0));
-            first.q[6 + i][CONSTANT] = -g[start + i];
-            let row = &mut first.v[6 + i];
-            row[coefficient(i, 0)] = slope[0] / t;
-            row[coefficient(i, 1)] = slope[1] / t;
-            row[STEP_DURATION] = -x[at::point(0) + at::V + 6 + i] / t;
-            row[CONSTANT] = -g[start + 6 + i] / t;
-        }
-        let c = point_rows(program, 0, g);
-        let mut matrix: [[f64; 7]; 7] = std::array::from_fn(|r| UNKNOWN.map(|u| c.a[(r, u)]));
-        let mut right: [Affine; 7] = std::array::from_fn(|r| minus_known(&c, r, &self.motion[0]));
-        solve_square(&mut matrix, &mut right)?;
-        for (k, u) in UNKNOWN.into_iter().enumerate() {
-            self.motion[0].a[u] = right[k];
-        }
-
-        let per_t = 2.0 / (program.points() - 1) as f64;
-        let h = per_t * t;
-        for interval in 0..program.points() / 2 {
-            let [p0, p1, p2]: [usize; 3] = std::array::from_fn(|k| 2 * interval + k);
-            let g_interval = &g[program.start_of_intervals() + rows::INTERVAL * interval..];
-            let (before, after) = self.motion.split_at_mut(p1);
-            let (start, [middle, end]) = (&before[p0], &mut after[..2]) else {
-                unreachable!("an interval has three points")
-            };
-            // With the unknown accelerations 0 at first.
-            for i in 0..DOF {
-                let values = |base: usize| [p0, p1, p2].map(|p| x[at::point(p) + base + i]);
-                let f = values(at::A);
-                let (a0, a1, a2) = (start.a[i], middle.a[i], end.a[i]);
-                (middle.v[i], end.v[i]) = hermite_simpson(
-                    &start.v[i],
-                    [&a0, &a1, &a2],
-                    f,
-                    h,
-                    per_t,
-                    [g_interval[24 + i], g_interval[24 + DOF + i]],
-                );
-                let f = values(at::V);
-                let (v0, v1, v2) = (start.v[i], middle.v[i], end.v[i]);
-                (middle.q[i], end.q[i]) =
-                    hermite_simpson(&start.q[i], [&v0, &v1, &v2], f, h, per_t, [g_interval[i], g_interval[DOF + i]]);
-            }
-            let (c1, c2) = (point_rows(program, p1, g), point_rows(program, p2, g));
-            let mut matrix = [[0.0; 14]; 14];
-            let mut right = [zero; 14];
-            for r in 0..7 {
-                for (k, u) in UNKNOWN.into_iter().enumerate() {
-                    // What a unit of acceleration in the middle and at the end does to q̇ and q of both points.
-                    let (q, v, a) = (c1.q[(r, u)], c1.v[(r, u)], c1.a[(r, u)]);
-                    matrix[r][k] = a + v * h / 3.0 + q * h * h / 12.0;
-                    matrix[r][7 + k] = -v * h / 24.0 - q * h * h / 48.0;
-                    let (q, v, a) = (c2.q[(r, u)], c2.v[(r, u)], c2.a[(r, u)]);
-                    matrix[7 + r][k] = v * 2.0 * h / 3.0 + q * h * h / 3.0;
-                    matrix[7 + r][7 + k] = a + v * h / 6.0;
-                }
-                right[r] = minus_known(&c1, r, middle);
-                right[7 + r] = minus_known(&c2, r, end);
-            }
-            solve_square(&mut matrix, &mut right)?;
-            for (k, u) in UNKNOWN.into_iter().enumerate() {
-                let (a1, a2) = (right[k], right[7 + k]);
-                middle.a[u] = a1;
-                end.a[u] = a2;
-                add(&mut middle.v[u], h / 3.0, &a1);
-                add(&mut middle.v[u], -h / 24.0, &a2);
-                add(&mut middle.q[u], h * h / 12.0, &a1);
-                add(&mut middle.q[u], -h * h / 48.0, &a2);
-                add(&mut end.v[u], 2.0 * h / 3.0, &a1);
-                add(&mut end.v[u], h / 6.0, &a2);
-                add(&mut end.q[u], h * h / 3.0, &a1);
-            }
-        }
-        Ok(())
-    }
-
     /// Part 2: how many numbers the end rows leave free, and the inputs as affine functions of them.
-    fn tie_ends(
-        &self,
-        program: &DecomposedProgram,
-        at: &Evaluation,
-        g: &[f64],
-    ) -> Result<(usize, [Reduced; INPUTS]), SubproblemError> {
+    fn tie_ends(&self, program: &DecomposedProgram, g: &[f64]) -> Result<(usize, [Reduced; INPUTS]), SubproblemError> {
         let (first, last) = (&self.motion[0], self.motion.last().expect("a program has points"));
         let (d0, d1) = (program.dynamics(0), program.dynamics(program.points() - 1));
         let mut e = [[0.0; INPUTS + 1]; END_ROWS];
@@ -288,7 +180,6 @@ impl Condensed {
             }
             e[row][CONSTANT] += g[start + row - 2];
         }
-        debug_assert_eq!(at.constraints.len(), program.bounds().constraint_lower.len());
 
         // Gauss–Jordan with complete pivoting.
         let mut pivot_of = [None; INPUTS];
@@ -339,24 +230,9 @@ impl Condensed {
     }
 
     /// Part 3: motion, forces and torques of every point in terms of the free inputs and the internal forces.
-    fn reduce(&mut self, program: &DecomposedProgram, g: &[f64], inputs: &[Reduced; INPUTS]) {
-        let by_free = |row: &Affine| {
-            let mut out = [0.0; WIDTH];
-            for (value, input) in row.iter().zip(inputs) {
-                if *value != 0.0 {
-                    add(&mut out, *value, input);
-                }
-            }
-            out[FREE_MAX] += row[CONSTANT];
-            out
-        };
+    fn reduce(&mut self, program: &DecomposedProgram, g: &[f64]) {
         self.points.clear();
-        for (point, motion) in self.motion.iter().enumerate() {
-            let m = Motion {
-                q: motion.q.each_ref().map(by_free),
-                v: motion.v.each_ref().map(by_free),
-                a: motion.a.each_ref().map(by_free),
-            };
+        for (point, m) in self.reduced_motion.iter().enumerate() {
             let d = program.dynamics(point);
             let g = &g[rows::COUNT * point..rows::COUNT * (point + 1)];
             let change = |biped: &crate::biped::BipedDynamics, row: usize, residual: f64| {
@@ -420,7 +296,7 @@ impl Condensed {
                 front_internal: std::array::from_fn(|i| -along(j2, 6 + i)),
                 rear_internal: std::array::from_fn(|i| along(j1, 6 + i)),
                 wrench_internal: std::array::from_fn(|i| along(j2, i)),
-                motion: m,
+                motion: m.clone(),
                 lambda_1,
                 lambda_2,
                 direction,
@@ -603,6 +479,131 @@ impl Condensed {
     }
 }
 
+/// Part 1: q, q̇, q̈ at every point, as affine functions of whatever the inputs are functions of.
+fn move_along<const N: usize>(
+    program: &DecomposedProgram,
+    x: &[f64],
+    g: &[f64],
+    inputs: &[[f64; N]; INPUTS],
+    motion: &mut Vec<Motion<[f64; N]>>,
+) -> Result<(), SubproblemError> {
+    let t = x[at::T];
+    let constant = N - 1;
+    let zero = [0.0; N];
+    let duration = &inputs[STEP_DURATION];
+    motion.clear();
+    motion.resize(program.points(), Motion { q: [zero; DOF], v: [zero; DOF], a: [zero; DOF] });
+
+    // Output rows: T² θ̈ = B̈(s), linearised.
+    for point in 0..program.points() {
+        let second = bezier::basis_second_derivative(program.phase(point));
+        for i in (0..OUTPUTS).filter(|&i| i != STANCE_ROLL) {
+            let row = &mut motion[point].a[6 + i];
+            for k in 0..COEFFICIENTS {
+                add(row, second[k] / (t * t), &inputs[coefficient(i, k)]);
+            }
+            add(row, -2.0 * x[at::point(point) + at::A + 6 + i] / t, duration);
+            row[constant] -= g[rows::COUNT * point + rows::OUTPUT + i] / (t * t);
+        }
+    }
+
+    let first = &mut motion[0];
+    first.q[0][constant] = -x[at::point(0) + at::Q];
+    for i in 1..6 {
+        first.q[i] = inputs[i - 1];
+    }
+    for i in 0..6 {
+        first.v[i] = inputs[5 + i];
+    }
+    first.q[6 + STANCE_ROLL] = inputs[11];
+    first.v[6 + STANCE_ROLL] = inputs[12];
+    let slope = bezier::basis_first_derivative(0.0);
+    let start = program.start_of_first();
+    for i in (0..OUTPUTS).filter(|&i| i != STANCE_ROLL) {
+        first.q[6 + i] = inputs[coefficient(i, 0)];
+        first.q[6 + i][constant] -= g[start + i];
+        let row = &mut first.v[6 + i];
+        add(row, slope[0] / t, &inputs[coefficient(i, 0)]);
+        add(row, slope[1] / t, &inputs[coefficient(i, 1)]);
+        add(row, -x[at::point(0) + at::V + 6 + i] / t, duration);
+        row[constant] -= g[start + 6 + i] / t;
+    }
+    let c = point_rows(program, 0, g);
+    let mut matrix: [[f64; 7]; 7] = std::array::from_fn(|r| UNKNOWN.map(|u| c.a[(r, u)]));
+    let mut right: [[f64; N]; 7] = std::array::from_fn(|r| minus_known(&c, r, &motion[0]));
+    solve_square(&mut matrix, &mut right)?;
+    for (k, u) in UNKNOWN.into_iter().enumerate() {
+        motion[0].a[u] = right[k];
+    }
+
+    let per_t = 2.0 / (program.points() - 1) as f64;
+    let h = per_t * t;
+    for interval in 0..program.points() / 2 {
+        let [p0, p1, p2]: [usize; 3] = std::array::from_fn(|k| 2 * interval + k);
+        let g_interval = &g[program.start_of_intervals() + rows::INTERVAL * interval..];
+        let (before, after) = motion.split_at_mut(p1);
+        let (start, [middle, end]) = (&before[p0], &mut after[..2]) else {
+            unreachable!("an interval has three points")
+        };
+        // With the unknown accelerations 0 at first.
+        for i in 0..DOF {
+            let values = |base: usize| [p0, p1, p2].map(|p| x[at::point(p) + base + i]);
+            let f = values(at::A);
+            let (a0, a1, a2) = (start.a[i], middle.a[i], end.a[i]);
+            (middle.v[i], end.v[i]) = hermite_simpson(
+                &start.v[i],
+                [&a0, &a1, &a2],
+                f,
+                h,
+                per_t,
+                duration,
+                [g_interval[24 + i], g_interval[24 + DOF + i]],
+            );
+            let f = values(at::V);
+            let (v0, v1, v2) = (start.v[i], middle.v[i], end.v[i]);
+            (middle.q[i], end.q[i]) = hermite_simpson(
+                &start.q[i],
+                [&v0, &v1, &v2],
+                f,
+                h,
+                per_t,
+                duration,
+                [g_interval[i], g_interval[DOF + i]],
+            );
+        }
+        let (c1, c2) = (point_rows(program, p1, g), point_rows(program, p2, g));
+        let mut matrix = [[0.0; 14]; 14];
+        let mut right = [zero; 14];
+        for r in 0..7 {
+            for (k, u) in UNKNOWN.into_iter().enumerate() {
+                // What a unit of acceleration in the middle and at the end does to q̇ and q of both points.
+                let (q, v, a) = (c1.q[(r, u)], c1.v[(r, u)], c1.a[(r, u)]);
+                matrix[r][k] = a + v * h / 3.0 + q * h * h / 12.0;
+                matrix[r][7 + k] = -v * h / 24.0 - q * h * h / 48.0;
+                let (q, v, a) = (c2.q[(r, u)], c2.v[(r, u)], c2.a[(r, u)]);
+                matrix[7 + r][k] = v * 2.0 * h / 3.0 + q * h * h / 3.0;
+                matrix[7 + r][7 + k] = a + v * h / 6.0;
+            }
+            right[r] = minus_known(&c1, r, middle);
+            right[7 + r] = minus_known(&c2, r, end);
+        }
+        solve_square(&mut matrix, &mut right)?;
+        for (k, u) in UNKNOWN.into_iter().enumerate() {
+            let (a1, a2) = (right[k], right[7 + k]);
+            middle.a[u] = a1;
+            end.a[u] = a2;
+            add(&mut middle.v[u], h / 3.0, &a1);
+            add(&mut middle.v[u], -h / 24.0, &a2);
+            add(&mut middle.q[u], h * h / 12.0, &a1);
+            add(&mut middle.q[u], -h * h / 48.0, &a2);
+            add(&mut end.v[u], 2.0 * h / 3.0, &a1);
+            add(&mut end.v[u], h / 6.0, &a2);
+            add(&mut end.q[u], h * h / 3.0, &a1);
+        }
+    }
+    Ok(())
+}
+
 /// The base's rotational part of a toe's Jacobian.
 fn turning(jacobian: &SMatrix<f64, 3, DOF>) -> Matrix3<f64> {
     jacobian.fixed_columns::<3>(3).into_owned()
@@ -642,9 +643,9 @@ fn point_rows(program: &DecomposedProgram, point: usize, g: &[f64]) -> PointRows
 }
 
 /// −(residual + row · motion).
-fn minus_known(c: &PointRows, r: usize, motion: &Motion<Affine>) -> Affine {
-    let mut out = [0.0; INPUTS + 1];
-    out[CONSTANT] = -c.residual[r];
+fn minus_known<const N: usize>(c: &PointRows, r: usize, motion: &Motion<[f64; N]>) -> [f64; N] {
+    let mut out = [0.0; N];
+    out[N - 1] = -c.residual[r];
     for i in 0..DOF {
         for (factor, row) in [(c.q[(r, i)], &motion.q[i]), (c.v[(r, i)], &motion.v[i]), (c.a[(r, i)], &motion.a[i])] {
             if factor != 0.0 {
@@ -657,26 +658,27 @@ fn minus_known(c: &PointRows, r: usize, motion: &Motion<Affine>) -> Affine {
 
 /// Value in the middle and at the end of an interval from the value at its start and the slopes at its three points, as the
 /// linearised Hermite–Simpson rows give them. `slopes` are the slopes' current values, `residuals` those of the two rows.
-fn hermite_simpson(
-    start: &Affine,
-    [f0, f1, f2]: [&Affine; 3],
+fn hermite_simpson<const N: usize>(
+    start: &[f64; N],
+    [f0, f1, f2]: [&[f64; N]; 3],
     slopes: [f64; 3],
     h: f64,
     per_t: f64,
+    duration: &[f64; N],
     residuals: [f64; 2],
-) -> (Affine, Affine) {
+) -> ([f64; N], [f64; N]) {
     let mut end = *start;
     add(&mut end, h / 6.0, f0);
     add(&mut end, 4.0 * h / 6.0, f1);
     add(&mut end, h / 6.0, f2);
-    end[STEP_DURATION] += per_t / 6.0 * (slopes[0] + 4.0 * slopes[1] + slopes[2]);
-    end[CONSTANT] -= residuals[1];
+    add(&mut end, per_t / 6.0 * (slopes[0] + 4.0 * slopes[1] + slopes[2]), duration);
+    end[N - 1] -= residuals[1];
     let mut middle = scaled(start, 0.5);
     add(&mut middle, 0.5, &end);
     add(&mut middle, h / 8.0, f0);
     add(&mut middle, -h / 8.0, f2);
-    middle[STEP_DURATION] += per_t / 8.0 * (slopes[0] - slopes[2]);
-    middle[CONSTANT] -= residuals[0];
+    add(&mut middle, per_t / 8.0 * (slopes[0] - slopes[2]), duration);
+    middle[N - 1] -= residuals[0];
     (middle, end)
 }
 
