@@ -7,8 +7,14 @@ use std::process::{Child, Command, Stdio};
 use std::sync::mpsc::{Receiver, channel};
 use std::time::{Duration, Instant};
 use tandem_msgs::JointCommand;
-use tandem_msgs::sensor_msgs::JointState;
+use tandem_msgs::diagnostic_msgs::DiagnosticArray;
+use tandem_msgs::geometry_msgs::WrenchStamped;
+use tandem_msgs::nav_msgs::Odometry;
+use tandem_msgs::rosgraph_msgs::Clock;
+use tandem_msgs::sensor_msgs::{Imu, JointState};
+use tandem_msgs::std_msgs::Float64;
 use tandem_msgs::std_srvs::{SetBool, SetBoolRequest, Trigger, TriggerRequest};
+use tandem_msgs::tf2_msgs::TFMessage;
 
 const PERIOD_NS: i64 = 1_000_000;
 const PATIENCE: Duration = Duration::from_secs(20);
@@ -203,4 +209,91 @@ fn a_bad_parameter_is_one_clear_error() {
         let lines: Vec<&str> = text.lines().filter(|l| l.contains("tandem_sim_bridge:")).collect();
         assert!(lines.len() == 1 && lines[0].contains(expected), "{parameter}: {text}");
     }
+}
+
+/// Everything that a stream of one topic brought, with the thread that fills it.
+fn listen<M: tandem_msgs::Message + Clone>(node: &Node, topic: &str, qos: Qos) -> Receiver<M> {
+    let (sender, receiver) = channel();
+    node.subscribe(topic, qos, move |message: M| {
+        // The test may have ended.
+        let _ = sender.send(message);
+    })
+    .unwrap();
+    receiver
+}
+
+#[test]
+fn in_realtime_every_topic_carries_what_it_says() {
+    let _bridge = Bridge::start(45, &["mode:=realtime", "initial_posture:=stand", "push_duration_s:=0.2"]);
+    let node = node("test_listener", 45);
+    let best_effort = Qos::best_effort(1);
+    let states = listen::<JointState>(&node, "joint_states", best_effort);
+    let imu = listen::<Imu>(&node, "imu", best_effort);
+    let odom = listen::<Odometry>(&node, "odom", best_effort);
+    let tf = listen::<TFMessage>(&node, "/tf", best_effort);
+    let clock = listen::<Clock>(&node, "/clock", best_effort);
+    let force = listen::<WrenchStamped>(&node, "ground_force/front_left", best_effort);
+    let factor = listen::<Float64>(&node, "real_time_factor", best_effort);
+    let diagnostics = listen::<DiagnosticArray>(&node, "/diagnostics", Qos::reliable(10));
+    let description = listen::<tandem_msgs::std_msgs::String>(&node, "robot_description", Qos::latched());
+    let commands = node.publisher::<JointCommand>("joint_command", best_effort).unwrap();
+    let push = node.publisher::<WrenchStamped>("push", Qos::reliable(10)).unwrap();
+
+    let first = states.recv_timeout(PATIENCE).expect("joint states");
+    assert_eq!(first.name.len(), 12);
+    // Hold the stand: the same command for every state, and one push in between.
+    let hold = |state: &JointState| JointCommand {
+        header: state.header.clone(),
+        name: first.name.clone(),
+        position: stand(),
+        velocity: vec![0.0; 12],
+        kp: vec![300.0; 12],
+        kd: vec![10.0; 12],
+        torque: vec![0.0; 12],
+    };
+    let reset = node.client::<Trigger>("reset").unwrap();
+    assert!(reset.call(TriggerRequest::default(), PATIENCE).unwrap().success);
+    let start = Instant::now();
+    let mut pushed = false;
+    let mut stamps = Vec::new();
+    while start.elapsed() < Duration::from_secs(4) {
+        let state = states.recv_timeout(PATIENCE).expect("joint states");
+        stamps.push(state.header.stamp);
+        commands.publish(hold(&state)).unwrap();
+        if !pushed && start.elapsed() > Duration::from_secs(2) {
+            pushed = true;
+            let mut wrench = WrenchStamped::default();
+            wrench.wrench.force.y = 150.0;
+            push.publish(wrench).unwrap();
+        }
+    }
+    assert!(stamps.windows(2).all(|pair| pair[0] < pair[1]), "joint states rise in time");
+    let times: Vec<_> = clock.try_iter().map(|c| c.clock).collect();
+    assert!(times.len() > 100 && times.windows(2).all(|pair| pair[0] < pair[1]), "the clock ticks once a step");
+    let (imu, odom): (Vec<_>, Vec<_>) = (imu.try_iter().collect(), odom.try_iter().collect());
+    let resting = &imu[imu.len() / 3];
+    assert_eq!(resting.header.frame_id, "imu_link");
+    assert!((resting.linear_acceleration.z - 9.81).abs() < 1.5, "{resting:?}");
+    let settled = &odom[odom.len() / 3];
+    assert_eq!((settled.header.frame_id.as_str(), settled.child_frame_id.as_str()), ("odom", "base_link"));
+    assert!((0.5..0.65).contains(&settled.pose.pose.position.z), "{settled:?}");
+    let fastest = odom.iter().map(|o| o.twist.twist.linear.y).fold(0.0, f64::max);
+    assert!(fastest > 0.05, "the push moves the body to the left, {fastest} m/s at most");
+    let transform = tf.try_iter().last().expect("a transform").transforms[0].clone();
+    assert_eq!((transform.header.frame_id.as_str(), transform.child_frame_id.as_str()), ("odom", "base_link"));
+    let forces: Vec<f64> = force.try_iter().map(|f| f.wrench.force.z).collect();
+    let mean = forces.iter().sum::<f64>() / forces.len() as f64;
+    assert!((40.0..160.0).contains(&mean), "a quarter of 373 N, more or less: {mean} N");
+    let urdf = description.recv_timeout(PATIENCE).expect("a description").data;
+    assert!(urdf.contains("<robot name=\"vision60\">"));
+    let factors: Vec<f64> = factor.try_iter().map(|f| f.data).collect();
+    println!("real-time factor on this machine, loaded as it is: {factors:?}");
+    assert!(factors.iter().any(|f| (0.1..1.2).contains(f)), "{factors:?}");
+    let status = diagnostics.try_iter().last().expect("diagnostics").status[0].clone();
+    assert!(status.name.ends_with(": simulation") && status.values.iter().any(|v| v.key == "real_time_factor"));
+}
+
+fn stand() -> Vec<f64> {
+    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../config/robots/vision60");
+    robot::Robot::load(&folder).unwrap().stand_rad().to_vec()
 }
