@@ -218,12 +218,21 @@ impl Cycle {
             memory.latency.record(wake.latency());
             memory.missed_cycles += wake.missed;
             while let Ok(state) = self.states.pop() {
-                if newest.is_some_and(|old| state.state.stamp < old.state.stamp) {
-                    // The simulation began anew; the controller has a fault for it if it is armed.
-                    last_now = Duration::ZERO;
-                }
-                if newest.is_none_or(|old| state.state.stamp != old.state.stamp) {
-                    newest = Some(state);
+                match &mut newest {
+                    // Time stands still where the states come from, and the source lives. On the machine's own clock it does
+                    // not stand still, and a source that repeats itself is a dead one.
+                    Some(old) if state.state.stamp == old.state.stamp => {
+                        if clock == CycleClock::JointStates {
+                            old.wall = state.wall;
+                        }
+                    }
+                    old => {
+                        if old.is_some_and(|old| state.state.stamp < old.state.stamp) {
+                            // The simulation began anew; the controller has a fault for it if it is armed.
+                            last_now = Duration::ZERO;
+                        }
+                        *old = Some(state);
+                    }
                 }
             }
             let wall = monotonic_now();

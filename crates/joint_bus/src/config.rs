@@ -1,0 +1,227 @@
+//! Which joint hangs on which drive: read from a file's text, checked.
+
+use crate::Ranges;
+use control::JOINTS;
+use serde::Deserialize;
+
+/// `format` of every bus file.
+const FORMAT: &str = "tandem-bus";
+const VERSION: u64 = 1;
+
+/// What the drives speak.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum ProtocolName {
+    /// [`crate::Mit`].
+    Mit,
+    /// [`crate::Registers`].
+    Registers,
+}
+
+/// How a joint is driven. q_joint = sign · q_motor / gear + zero, with velocities, torques and gains accordingly.
+#[derive(Clone, Debug, PartialEq)]
+pub struct JointWiring {
+    /// The joint's name.
+    pub name: String,
+    /// Which of the interfaces.
+    pub interface: usize,
+    /// The drive's number on its bus.
+    pub id: u8,
+    /// 1 or −1: whether the motor turns with the joint or against it.
+    pub sign: f64,
+    /// Motor turns per joint turn, beyond what the drive itself reckons with.
+    pub gear_ratio: f64,
+    /// The joint's position where the drive says zero, rad.
+    pub zero_rad: f64,
+    /// Ranges of the drive's numbers, motor side.
+    pub ranges: Ranges,
+}
+
+/// All joints.
+#[derive(Clone, Debug, PartialEq)]
+pub struct BusConfig {
+    /// The robot's name.
+    pub robot: String,
+    /// What the drives speak.
+    pub protocol: ProtocolName,
+    /// Identifier of replies.
+    pub host_id: u32,
+    /// Names of the interfaces, such as `can0`.
+    pub interfaces: Vec<String>,
+    /// In the robot's order of joints.
+    pub joints: [JointWiring; JOINTS],
+}
+
+/// A bus file that cannot be used.
+#[derive(Debug, thiserror::Error)]
+pub enum BusConfigError {
+    /// Not TOML, or a field missing, unknown or of another type.
+    #[error("bus file: {0}")]
+    Syntax(#[from] toml::de::Error),
+    /// A value that cannot be.
+    #[error("bus file: {key} {problem}")]
+    Value {
+        /// Which.
+        key: String,
+        /// What it is and what was expected.
+        problem: String,
+    },
+}
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct File {
+    format: String,
+    version: u64,
+    robot: String,
+    protocol: ProtocolName,
+    host_id: u32,
+    interfaces: Vec<String>,
+    ranges: FileRanges,
+    joints: Vec<FileJoint>,
+}
+
+#[derive(Clone, Copy, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct FileRanges {
+    position_rad: f64,
+    velocity_rad_s: f64,
+    kp_nm_per_rad: f64,
+    kd_nm_s_per_rad: f64,
+    torque_nm: f64,
+}
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct FileJoint {
+    name: String,
+    interface: usize,
+    id: u8,
+    sign: f64,
+    gear_ratio: f64,
+    zero_rad: f64,
+    ranges: Option<FileRanges>,
+}
+
+impl BusConfig {
+    /// A bus file's text, for the robot of that name with those joints.
+    pub fn from_toml_str(text: &str, robot: &str, joint_names: &[String; JOINTS]) -> Result<Self, BusConfigError> {
+        let file: File = toml::from_str(text)?;
+        let refuse = |key: String, problem: String| Err(BusConfigError::Value { key, problem });
+        if file.format != FORMAT || file.version != VERSION {
+            return refuse(
+                "format and version".into(),
+                format!("are \"{}\" and {}, expected \"{FORMAT}\" and {VERSION}", file.format, file.version),
+            );
+        }
+        if file.robot != robot {
+            return refuse("robot".into(), format!("is \"{}\", this robot is \"{robot}\"", file.robot));
+        }
+        if file.interfaces.is_empty() || file.interfaces.len() > JOINTS {
+            return refuse(
+                "interfaces".into(),
+                format!("has {} entries, expected 1 to {JOINTS}", file.interfaces.len()),
+            );
+        }
+        if file.host_id > 0x7ff {
+            return refuse("host_id".into(), format!("is {}, expected 0 to 2047", file.host_id));
+        }
+        if file.joints.len() != JOINTS {
+            return refuse("joints".into(), format!("has {} entries, expected {JOINTS}", file.joints.len()));
+        }
+        let mut wiring = Vec::with_capacity(JOINTS);
+        for name in joint_names {
+            let Some(joint) = file.joints.iter().find(|joint| joint.name == *name) else {
+                return refuse("joints".into(), format!("lack \"{name}\""));
+            };
+            let key = |field: &str| format!("{field} of {name}");
+            if joint.interface >= file.interfaces.len() {
+                let problem =
+                    format!("is {}, there are interfaces 0 to {}", joint.interface, file.interfaces.len() - 1);
+                return refuse(key("interface"), problem);
+            }
+            if joint.id == 0 || joint.id > 127 || u32::from(joint.id) == file.host_id {
+                return refuse(key("id"), format!("is {}, expected 1 to 127 and not host_id", joint.id));
+            }
+            if joint.sign.abs() != 1.0 {
+                return refuse(key("sign"), format!("is {}, expected 1 or -1", joint.sign));
+            }
+            if !(0.01..=1000.0).contains(&joint.gear_ratio) {
+                return refuse(key("gear_ratio"), format!("is {}, expected 0.01 to 1000", joint.gear_ratio));
+            }
+            if !(-7.0..=7.0).contains(&joint.zero_rad) {
+                return refuse(key("zero_rad"), format!("is {}, expected -7 to 7", joint.zero_rad));
+            }
+            let r = joint.ranges.unwrap_or(file.ranges);
+            for (field, value) in [
+                ("ranges.position_rad", r.position_rad),
+                ("ranges.velocity_rad_s", r.velocity_rad_s),
+                ("ranges.kp_nm_per_rad", r.kp_nm_per_rad),
+                ("ranges.kd_nm_s_per_rad", r.kd_nm_s_per_rad),
+                ("ranges.torque_nm", r.torque_nm),
+            ] {
+                if !(value > 0.0 && value <= 1e5) {
+                    return refuse(key(field), format!("is {value}, expected more than 0, at most 1e5"));
+                }
+            }
+            if let Some(twin) =
+                wiring.iter().find(|w: &&JointWiring| w.interface == joint.interface && w.id == joint.id)
+            {
+                return refuse(key("id"), format!("is {}, as that of {} on the same interface", joint.id, twin.name));
+            }
+            wiring.push(JointWiring {
+                name: name.clone(),
+                interface: joint.interface,
+                id: joint.id,
+                sign: joint.sign,
+                gear_ratio: joint.gear_ratio,
+                zero_rad: joint.zero_rad,
+                ranges: Ranges {
+                    position_rad: r.position_rad,
+                    velocity_rad_s: r.velocity_rad_s,
+                    kp: r.kp_nm_per_rad,
+                    kd: r.kd_nm_s_per_rad,
+                    torque_nm: r.torque_nm,
+                },
+            });
+        }
+        let joints = wiring
+            .try_into()
+            .map_err(|_| BusConfigError::Value { key: "joints".into(), problem: format!("are not {JOINTS}") })?;
+        Ok(Self {
+            robot: file.robot,
+            protocol: file.protocol,
+            host_id: file.host_id,
+            interfaces: file.interfaces,
+            joints,
+        })
+    }
+
+    /// Checks that the drives' numbers can carry what the controller may send: position and velocity limits, gains and
+    /// torques within every drive's ranges. A number beyond a range would be cut without anyone knowing.
+    pub fn check_ranges(&self, config: &control::Config) -> Result<(), BusConfigError> {
+        for (j, joint) in self.joints.iter().enumerate() {
+            let gear = joint.gear_ratio;
+            let farthest = (config.position_min_rad[j] - joint.zero_rad)
+                .abs()
+                .max((config.position_max_rad[j] - joint.zero_rad).abs());
+            for (field, needed, range) in [
+                ("position_rad", farthest * gear, joint.ranges.position_rad),
+                ("velocity_rad_s", config.velocity_limit_rad_s[j] * gear, joint.ranges.velocity_rad_s),
+                ("kp_nm_per_rad", config.posture_kp[j] / gear / gear, joint.ranges.kp),
+                ("kd_nm_s_per_rad", config.posture_kd[j].max(config.damping_kd[j]) / gear / gear, joint.ranges.kd),
+                ("torque_nm", config.torque_limit_nm[j] / gear, joint.ranges.torque_nm),
+            ] {
+                if needed > range {
+                    return Err(BusConfigError::Value {
+                        key: format!("ranges.{field} of {}", joint.name),
+                        problem: format!(
+                            "is {range}, the controller sends up to {needed:.3}: give the drive a wider range"
+                        ),
+                    });
+                }
+            }
+        }
+        Ok(())
+    }
+}

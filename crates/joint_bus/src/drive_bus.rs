@@ -1,0 +1,298 @@
+//! What the control cycle sees: twelve joints.
+
+use crate::{BusConfig, DriveCommand, DriveRequest, Incoming, Link, LinkError, Protocol};
+use control::{Fault, FaultReport, JOINTS, JointCommand, JointState};
+use std::time::Duration;
+
+/// Frames taken from one link in one cycle: more than it can bring at 1 Mbit/s in 20 ms.
+const FRAMES_PER_READ: usize = 256;
+/// First pause before a link is opened again, doubled up to [`LONGEST_PAUSE`].
+const FIRST_PAUSE: Duration = Duration::from_millis(10);
+const LONGEST_PAUSE: Duration = Duration::from_secs(1);
+/// A link that is down for longer than this is a fault; a shorter break is bridged by the drives holding their command.
+const DOWN_FAULT: Duration = Duration::from_millis(5);
+
+/// What was read from the joints so far.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Readings {
+    /// rad.
+    pub position_rad: [f64; JOINTS],
+    /// rad/s.
+    pub velocity_rad_s: [f64; JOINTS],
+    /// N m, as the drives report it.
+    pub torque_nm: [f64; JOINTS],
+    /// °C, where the drives report it.
+    pub temperature_c: Option<[f64; JOINTS]>,
+    /// Error codes of the drives, 0 for none.
+    pub drive_error: [u8; JOINTS],
+    /// When each joint was heard last, on the clock of `now`; `None`: never.
+    pub arrived: [Option<Duration>; JOINTS],
+}
+
+impl Default for Readings {
+    fn default() -> Self {
+        Self {
+            position_rad: [0.0; JOINTS],
+            velocity_rad_s: [0.0; JOINTS],
+            torque_nm: [0.0; JOINTS],
+            temperature_c: None,
+            drive_error: [0; JOINTS],
+            arrived: [None; JOINTS],
+        }
+    }
+}
+
+impl Readings {
+    /// The controller's input, once every joint has been heard; its stamp is the newest joint's.
+    pub fn joint_state(&self) -> Option<JointState> {
+        let mut arrived = [Duration::ZERO; JOINTS];
+        for (to, from) in arrived.iter_mut().zip(self.arrived) {
+            *to = from?;
+        }
+        Some(JointState {
+            stamp: arrived.iter().copied().max().unwrap_or_default(),
+            arrived,
+            position_rad: self.position_rad,
+            velocity_rad_s: self.velocity_rad_s,
+            temperature_c: self.temperature_c,
+            drive_error: self.drive_error,
+        })
+    }
+}
+
+/// Counts of one link.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct LinkHealth {
+    /// Frames sent.
+    pub sent: u64,
+    /// Replies taken.
+    pub received: u64,
+    /// Frames lost to a full queue.
+    pub full: u64,
+    /// Frames that were no reply of a drive here, or damaged.
+    pub foreign: u64,
+    /// Error frames.
+    pub bus_errors: u64,
+    /// Times that the link went down or off the bus.
+    pub breaks: u64,
+    /// Times that it was opened again.
+    pub reopened: u64,
+    /// Since when it is down, if it is.
+    pub down_since: Option<Duration>,
+}
+
+/// Counts of all links; the first four legs' where there is one a leg.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct BusHealth {
+    /// Each link's.
+    pub links: [LinkHealth; JOINTS],
+    /// How many links there are.
+    pub count: usize,
+}
+
+/// Twelve joints to read from and to write to. Nothing here ever blocks or allocates.
+pub trait JointBus {
+    /// Takes over everything that came in by `now`.
+    fn read(&mut self, now: Duration, readings: &mut Readings);
+    /// Sends a command to every joint. With `drives_on` false the drives are told to rest (and asked for their state).
+    fn write(&mut self, command: &JointCommand, drives_on: bool, now: Duration);
+    /// What the controller has to know of the bus: a link that has been down for too long.
+    fn fault(&self, now: Duration) -> Option<FaultReport>;
+    /// Counts.
+    fn health(&self) -> BusHealth;
+}
+
+struct LinkState<L> {
+    link: L,
+    health: LinkHealth,
+    retry_at: Duration,
+    pause: Duration,
+    /// Which joint a drive's number belongs to.
+    joint_of: [Option<u8>; 128],
+}
+
+/// Joints on drives on links.
+pub struct DriveBus<P, L> {
+    protocol: P,
+    links: Vec<LinkState<L>>,
+    config: BusConfig,
+    /// Whether each drive was told to enter.
+    entered: [bool; JOINTS],
+}
+
+impl<P: Protocol, L: Link> DriveBus<P, L> {
+    /// Joints wired as in `config`, whose interfaces are `links` in that order.
+    ///
+    /// # Panics
+    ///
+    /// If there are not as many links as interfaces.
+    pub fn new(config: BusConfig, protocol: P, links: Vec<L>) -> Self {
+        assert_eq!(links.len(), config.interfaces.len(), "one link for each interface");
+        let links = links
+            .into_iter()
+            .enumerate()
+            .map(|(n, link)| {
+                let mut joint_of = [None; 128];
+                for (j, joint) in config.joints.iter().enumerate() {
+                    if joint.interface == n {
+                        joint_of[usize::from(joint.id)] = Some(j as u8);
+                    }
+                }
+                LinkState {
+                    link,
+                    health: LinkHealth::default(),
+                    retry_at: Duration::ZERO,
+                    pause: FIRST_PAUSE,
+                    joint_of,
+                }
+            })
+            .collect();
+        Self { protocol, links, config, entered: [false; JOINTS] }
+    }
+
+    /// A link, for tests that make it fail.
+    pub fn link_mut(&mut self, n: usize) -> &mut L {
+        &mut self.links[n].link
+    }
+
+    fn take(&mut self, n: usize, incoming: &Incoming, now: Duration, readings: &mut Readings) {
+        let state = &mut self.links[n];
+        let (frame, at) = match incoming {
+            Incoming::Frame(frame, at) => (frame, at.unwrap_or(now)),
+            Incoming::BusOff => return broke(state, now),
+            Incoming::Restarted => return mended(state),
+            Incoming::ErrorPassive | Incoming::BusError => {
+                state.health.bus_errors += 1;
+                return;
+            }
+        };
+        let reply = self.protocol.reply_id(frame).and_then(|id| {
+            let j = usize::from((*state.joint_of.get(usize::from(id))?)?);
+            Some((j, self.protocol.decode_reply(&self.config.joints[j].ranges, frame)?))
+        });
+        let Some((j, reply)) = reply else {
+            state.health.foreign += 1;
+            return;
+        };
+        state.health.received += 1;
+        let w = &self.config.joints[j];
+        readings.position_rad[j] = w.sign * reply.position_rad / w.gear_ratio + w.zero_rad;
+        readings.velocity_rad_s[j] = w.sign * reply.velocity_rad_s / w.gear_ratio;
+        readings.torque_nm[j] = w.sign * reply.torque_nm * w.gear_ratio;
+        if let Some(temperature) = reply.temperature_c {
+            readings.temperature_c.get_or_insert([temperature; JOINTS])[j] = temperature;
+        }
+        readings.drive_error[j] = reply.error.unwrap_or(0);
+        readings.arrived[j] = Some(at);
+    }
+
+    fn request(&self, j: usize, command: &JointCommand, drives_on: bool) -> DriveRequest {
+        if !drives_on {
+            return DriveRequest::Exit;
+        }
+        if !self.entered[j] {
+            return DriveRequest::Enter;
+        }
+        let w = &self.config.joints[j];
+        let gear = w.gear_ratio;
+        DriveRequest::Command(DriveCommand {
+            position_rad: w.sign * gear * (command.position_rad[j] - w.zero_rad),
+            velocity_rad_s: w.sign * gear * command.velocity_rad_s[j],
+            kp: command.kp[j] / (gear * gear),
+            kd: command.kd[j] / (gear * gear),
+            torque_nm: w.sign * command.torque_nm[j] / gear,
+        })
+    }
+}
+
+fn broke<L>(state: &mut LinkState<L>, now: Duration) {
+    if state.health.down_since.is_none() {
+        state.health.down_since = Some(now);
+        state.health.breaks += 1;
+        state.pause = FIRST_PAUSE;
+        state.retry_at = now + state.pause;
+    }
+}
+
+fn mended<L>(state: &mut LinkState<L>) {
+    state.health.down_since = None;
+}
+
+impl<P: Protocol, L: Link> JointBus for DriveBus<P, L> {
+    fn read(&mut self, now: Duration, readings: &mut Readings) {
+        for n in 0..self.links.len() {
+            let state = &mut self.links[n];
+            if state.health.down_since.is_some() && now >= state.retry_at {
+                match state.link.reopen() {
+                    Ok(()) => {
+                        state.health.reopened += 1;
+                        mended(state);
+                    }
+                    Err(_) => {
+                        state.pause = (state.pause * 2).min(LONGEST_PAUSE);
+                        state.retry_at = now + state.pause;
+                    }
+                }
+            }
+            for _ in 0..FRAMES_PER_READ {
+                match self.links[n].link.receive(now) {
+                    Ok(Some(incoming)) => self.take(n, &incoming, now, readings),
+                    Ok(None) | Err(LinkError::Full) => break,
+                    Err(_) => {
+                        broke(&mut self.links[n], now);
+                        break;
+                    }
+                }
+            }
+        }
+    }
+
+    fn write(&mut self, command: &JointCommand, drives_on: bool, now: Duration) {
+        for j in 0..JOINTS {
+            let w = &self.config.joints[j];
+            let (n, id, ranges) = (w.interface, w.id, w.ranges);
+            if self.links[n].health.down_since.is_some() {
+                // Its drives damp by their watchdogs, and are entered anew when it is back.
+                self.entered[j] = false;
+                continue;
+            }
+            let request = self.request(j, command, drives_on);
+            // A command that is not finite never leaves the controller; if one did, the drive's watchdog would take over.
+            let Ok(frame) = self.protocol.encode_request(id, &ranges, &request) else { continue };
+            let state = &mut self.links[n];
+            match state.link.send(&frame, now) {
+                Ok(()) => {
+                    state.health.sent += 1;
+                    match request {
+                        DriveRequest::Enter => self.entered[j] = true,
+                        DriveRequest::Exit => self.entered[j] = false,
+                        _ => {}
+                    }
+                }
+                Err(LinkError::Full) => state.health.full += 1,
+                Err(_) => broke(state, now),
+            }
+        }
+    }
+
+    fn fault(&self, now: Duration) -> Option<FaultReport> {
+        let (n, down) = self.links.iter().enumerate().find_map(|(n, state)| {
+            let down = now.saturating_sub(state.health.down_since?);
+            (down > DOWN_FAULT).then_some((n, down))
+        })?;
+        Some(FaultReport {
+            fault: Fault::BusDown,
+            joint: self.config.joints.iter().position(|joint| joint.interface == n),
+            value: down.as_secs_f64(),
+            limit: DOWN_FAULT.as_secs_f64(),
+        })
+    }
+
+    fn health(&self) -> BusHealth {
+        let mut health = BusHealth { count: self.links.len(), ..BusHealth::default() };
+        for (to, state) in health.links.iter_mut().zip(&self.links) {
+            *to = state.health;
+        }
+        health
+    }
+}
