@@ -509,12 +509,8 @@ fn move_along<const N: usize>(
 
     let first = &mut motion[0];
     first.q[0][constant] = -x[at::point(0) + at::Q];
-    for i in 1..6 {
-        first.q[i] = inputs[i - 1];
-    }
-    for i in 0..6 {
-        first.v[i] = inputs[5 + i];
-    }
+    first.q[1..6].copy_from_slice(&inputs[..5]);
+    first.v[..6].copy_from_slice(&inputs[5..11]);
     first.q[6 + STANCE_ROLL] = inputs[11];
     first.v[6 + STANCE_ROLL] = inputs[12];
     let slope = bezier::basis_first_derivative(0.0);
