@@ -1,5 +1,6 @@
 use nalgebra::{DMatrix, DVector, Matrix3, Matrix3xX, Vector3};
 
+use crate::limbs::{LimbWork, with_limbs};
 use crate::model::Model;
 use crate::spatial::{Composite, Force, Motion};
 
@@ -29,10 +30,27 @@ pub(crate) struct Body {
     pub momentum: Vector3<f64>,
 }
 
+/// Where the last forward pass left its results.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) enum Pass {
+    /// In `Data::bodies`.
+    Tree,
+    /// In `Data::limbs`, and in `Data::bodies` for the torso and the legs marked.
+    Limbs { exported: [bool; 4] },
+}
+
 /// Workspace and results of every algorithm, for one [`Model`].
 #[derive(Debug, Clone)]
 pub struct Data {
     pub(crate) bodies: Vec<Body>,
+    /// The fast algorithms' workspace, where the model has that structure.
+    pub(crate) limbs: Option<LimbWork>,
+    /// Where the last forward pass left its results.
+    pub(crate) pass: Pass,
+    /// All zeros.
+    pub(crate) zero: Vec<f64>,
+    /// Torques of `aba` with the point forces' share.
+    pub(crate) drive: Vec<f64>,
     /// The reference point in the world.
     pub(crate) origin: Vector3<f64>,
     pub(crate) articulated: Vec<crate::forward::Articulated>,
@@ -88,6 +106,10 @@ impl Data {
         };
         Self {
             bodies: vec![body; n],
+            limbs: model.limbs.as_ref().map(LimbWork::new),
+            pass: Pass::Tree,
+            zero: vec![0.0; n],
+            drive: vec![0.0; n],
             origin: Vector3::zeros(),
             articulated: vec![Default::default(); n],
             tau: DVector::zeros(n),
@@ -104,6 +126,32 @@ impl Data {
                 dacceleration_dq: Matrix3xX::zeros(n),
                 dacceleration_dv: Matrix3xX::zeros(n),
             },
+        }
+    }
+}
+
+impl Data {
+    /// Brings a body and those above it into `bodies`, wherever the last pass left them.
+    #[inline(always)]
+    pub(crate) fn bring(&mut self, model: &Model, body: usize) {
+        let Pass::Limbs { exported } = &mut self.pass else { return };
+        let (Some(limbs), Some(work)) = (&model.limbs, &self.limbs) else { return };
+        with_limbs!(limbs, work, |m, d| {
+            let leg = m.leg_of(body).unwrap_or(0);
+            if !exported[leg] {
+                exported[leg] = true;
+                d.export(m, leg, &mut self.bodies, &mut self.origin);
+            }
+        });
+    }
+
+    /// Rotation of a body, and its position in the world.
+    pub(crate) fn pose(&self, model: &Model, body: usize) -> (Matrix3<f64>, Vector3<f64>) {
+        match (&self.pass, &model.limbs, &self.limbs) {
+            (Pass::Limbs { .. }, Some(limbs), Some(work)) => {
+                with_limbs!(limbs, work, |m, d| d.pose(m, body))
+            }
+            _ => (self.bodies[body].rotation, self.origin + self.bodies[body].position),
         }
     }
 }

@@ -5,7 +5,8 @@ use nalgebra::{Matrix3, Vector3};
 use crate::PointForce;
 use crate::data::Data;
 use crate::dynamics::{inertial_force, moment_rate, world_inertia};
-use crate::kinematics::{ACCELERATION, for_each_above, forward_pass};
+use crate::kinematics::{ACCELERATION, for_each_above, forward_pass, limb_pass};
+use crate::limbs::with_limbs;
 use crate::model::Model;
 use crate::spatial::{Force, Motion};
 
@@ -29,26 +30,27 @@ use crate::spatial::{Force, Motion};
 /// # Panics
 ///
 /// If q, v or a does not have `dof` entries, or a frame is not part of the model.
-pub fn rnea_derivatives(
-    model: &Model,
-    data: &mut Data,
-    q: &[f64],
-    v: &[f64],
-    a: &[f64],
-    forces: &[PointForce],
-) {
+pub fn rnea_derivatives(model: &Model, data: &mut Data, q: &[f64], v: &[f64], a: &[f64], forces: &[PointForce]) {
+    if limb_pass::<ACCELERATION>(model, data, q, v, a) {
+        let Data { limbs: work, tau, mass_matrix, dtau_dq, dtau_dv, .. } = data;
+        let (Some(limbs), Some(work)) = (&model.limbs, work) else { unreachable!() };
+        let (mass, dq) = (mass_matrix.as_mut_slice(), dtau_dq.as_mut_slice());
+        let (tau, dv) = (tau.as_mut_slice(), dtau_dv.as_mut_slice());
+        with_limbs!(limbs, work, |m, d| d.inverse_dynamics_derivatives(m, &model.gravity, tau, mass, dq, dv));
+        for (frame, _) in forces {
+            data.bring(model, model.body_of(*frame).0);
+        }
+    } else {
+        tree_derivatives(model, data, q, v, a);
+    }
+    subtract_forces(model, data, forces);
+}
+
+/// The derivatives for any tree, without point forces. Entries that are zero by structure are zero
+/// from the start and stay so.
+fn tree_derivatives(model: &Model, data: &mut Data, q: &[f64], v: &[f64], a: &[f64]) {
     forward_pass::<ACCELERATION>(model, data, q, v, a);
-    let Data {
-        bodies,
-        tau,
-        mass_matrix,
-        dtau_dq,
-        dtau_dv,
-        ..
-    } = data;
-    mass_matrix.fill(0.0);
-    dtau_dq.fill(0.0);
-    dtau_dv.fill(0.0);
+    let Data { bodies, tau, mass_matrix, dtau_dq, dtau_dv, .. } = data;
 
     for (i, joint) in model.joints.iter().enumerate() {
         let (above, rest) = bodies.split_at_mut(i);
@@ -66,8 +68,8 @@ pub fn rnea_derivatives(
             body.momentum = Vector3::zeros();
         } else {
             body.moment_rate = moment_rate(body);
-            body.momentum = body.velocity.linear * body.composite.mass
-                + body.velocity.angular.cross(&body.composite.first);
+            body.momentum =
+                body.velocity.linear * body.composite.mass + body.velocity.angular.cross(&body.composite.first);
         }
     }
 
@@ -86,15 +88,13 @@ pub fn rnea_derivatives(
         };
         let momentum = body.composite.times(axis);
         // Column i of ∂τ/∂q and ∂τ/∂v, for the rows above.
-        let column_q = twice_b(&body.axis_rate.angular)
-            + body.composite.times(&body.axis_rate_2)
-            + axis.cross_force(&body.force);
+        let column_q =
+            twice_b(&body.axis_rate.angular) + body.composite.times(&body.axis_rate_2) + axis.cross_force(&body.force);
         let rate = body.composite.times(&body.axis_rate);
         let column_v = twice_b(&axis.angular) + rate + rate;
         // Row i: 2 Bᵀ S_i has no linear part.
-        let row = (axis.angular * trace - body.moment_rate.tr_mul(&axis.angular)
-            + body.momentum.cross(&axis.linear))
-            * 2.0;
+        let row =
+            (axis.angular * trace - body.moment_rate.tr_mul(&axis.angular) + body.momentum.cross(&axis.linear)) * 2.0;
 
         let mut next = Some(i);
         while let Some(j) = next {
@@ -117,7 +117,11 @@ pub fn rnea_derivatives(
             parent.momentum += body.momentum;
         }
     }
+}
 
+/// Takes the point forces' share off τ and ∂τ/∂q.
+fn subtract_forces(model: &Model, data: &mut Data, forces: &[PointForce]) {
+    let Data { bodies, tau, dtau_dq, .. } = data;
     for (frame, force) in forces {
         let (body, frame) = model.body_of(*frame);
         let p = bodies[body].position + bodies[body].rotation * frame.translation;

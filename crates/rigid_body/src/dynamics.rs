@@ -4,7 +4,8 @@ use nalgebra::{DMatrix, DVector, Matrix3, Vector3};
 
 use crate::PointForce;
 use crate::data::{Body, Data};
-use crate::kinematics::{ACCELERATION, POSITION, forward_pass};
+use crate::kinematics::{ACCELERATION, POSITION, for_each_above, forward_pass, limb_pass};
+use crate::limbs::with_limbs;
 use crate::model::{Joint, Model};
 use crate::spatial::{Composite, Force};
 
@@ -22,6 +23,19 @@ pub fn rnea<'d>(
     a: &[f64],
     forces: &[PointForce],
 ) -> &'d DVector<f64> {
+    if limb_pass::<ACCELERATION>(model, data, q, v, a) {
+        let (Some(limbs), Some(work)) = (&model.limbs, &data.limbs) else { unreachable!() };
+        let tau = data.tau.as_mut_slice();
+        with_limbs!(limbs, work, |m, d| d.inverse_dynamics(m, &model.gravity, tau));
+        for (frame, force) in forces {
+            let (body, frame) = model.body_of(*frame);
+            data.bring(model, body);
+            let Data { bodies, tau, .. } = data;
+            let p = bodies[body].position + bodies[body].rotation * frame.translation;
+            for_each_above(model, body, |i, dof| tau[dof] -= bodies[i].axis.at(&p).dot(force));
+        }
+        return &data.tau;
+    }
     forward_pass::<ACCELERATION>(model, data, q, v, a);
     for (joint, body) in model.joints.iter().zip(&mut data.bodies) {
         body.force = inertial_force(joint, body, &model.gravity);
@@ -48,16 +62,10 @@ pub fn rnea<'d>(
 /// # Panics
 ///
 /// If q or v does not have `dof` entries.
-pub fn bias_forces<'d>(
-    model: &Model,
-    data: &'d mut Data,
-    q: &[f64],
-    v: &[f64],
-) -> &'d DVector<f64> {
-    let mut rest = std::mem::replace(&mut data.acceleration, DVector::zeros(0));
-    rest.fill(0.0);
-    rnea(model, data, q, v, rest.as_slice(), &[]);
-    data.acceleration = rest;
+pub fn bias_forces<'d>(model: &Model, data: &'d mut Data, q: &[f64], v: &[f64]) -> &'d DVector<f64> {
+    let zero = std::mem::take(&mut data.zero);
+    rnea(model, data, q, v, &zero, &[]);
+    data.zero = zero;
     &data.tau
 }
 
@@ -76,10 +84,7 @@ pub(crate) fn inertial_force(joint: &Joint, body: &Body, gravity: &Vector3<f64>)
     let w = body.rotation.tr_mul(spin);
     let turning = inertia.rotational_kg_m2 * body.rotation.tr_mul(&body.acceleration.angular)
         + w.cross(&(inertia.rotational_kg_m2 * w));
-    Force {
-        moment: body.rotation * turning + c.cross(&force),
-        force,
-    }
+    Force { moment: body.rotation * turning + c.cross(&force), force }
 }
 
 /// The inertia of one body about the reference point, in world axes.
@@ -94,8 +99,7 @@ pub(crate) fn world_inertia(joint: &Joint, body: &Body) -> Composite {
     Composite {
         mass,
         first,
-        second: body.rotation * joint.inertia.second_moment() * body.rotation.transpose()
-            + first * c.transpose(),
+        second: body.rotation * joint.inertia.second_moment() * body.rotation.transpose() + first * c.transpose(),
     }
 }
 
@@ -106,16 +110,17 @@ pub(crate) fn world_inertia(joint: &Joint, body: &Body) -> Composite {
 ///
 /// If q does not have `dof` entries.
 pub fn crba<'d>(model: &Model, data: &'d mut Data, q: &[f64]) -> &'d DMatrix<f64> {
+    if limb_pass::<POSITION>(model, data, q, &[], &[]) {
+        let (Some(limbs), Some(work)) = (&model.limbs, &data.limbs) else { unreachable!() };
+        let mass = data.mass_matrix.as_mut_slice();
+        with_limbs!(limbs, work, |m, d| d.mass_matrix(m, mass));
+        return &data.mass_matrix;
+    }
     forward_pass::<POSITION>(model, data, q, &[], &[]);
-    let Data {
-        bodies,
-        mass_matrix,
-        ..
-    } = data;
+    let Data { bodies, mass_matrix, .. } = data;
     for (joint, body) in model.joints.iter().zip(bodies.iter_mut()) {
         body.composite = world_inertia(joint, body);
     }
-    mass_matrix.fill(0.0);
     for (i, joint) in model.joints.iter().enumerate().rev() {
         let (above, rest) = bodies.split_at_mut(i);
         let body = &rest[0];

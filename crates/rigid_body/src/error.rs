@@ -5,9 +5,7 @@ use thiserror::Error;
 #[derive(Debug, Clone, PartialEq, Error)]
 pub enum ModelError {
     /// The text is longer than the limit.
-    #[error(
-        "URDF is {found_bytes} bytes long, expected at most {limit_bytes}: keep meshes in files of their own"
-    )]
+    #[error("URDF is {found_bytes} bytes long, expected at most {limit_bytes}: keep meshes in files of their own")]
     TooLarge {
         /// Length of the text given.
         found_bytes: usize,
@@ -39,9 +37,7 @@ pub enum ModelError {
     #[error("URDF cannot be read: {0}: expected an XML document whose root element is <robot>")]
     NotUrdf(String),
     /// No link is free of a parent, or there are no links.
-    #[error(
-        "URDF has no root link: expected one link that is no joint's child (links found: {links})"
-    )]
+    #[error("URDF has no root link: expected one link that is no joint's child (links found: {links})")]
     NoRoot {
         /// How many links there are.
         links: usize,
@@ -75,9 +71,7 @@ pub enum ModelError {
         name: String,
     },
     /// A joint names a link that does not exist.
-    #[error(
-        "joint '{joint}' names link '{link}', which does not exist: add the link or correct the name"
-    )]
+    #[error("joint '{joint}' names link '{link}', which does not exist: add the link or correct the name")]
     UnknownLink {
         /// The joint.
         joint: String,
@@ -95,9 +89,7 @@ pub enum ModelError {
         found: String,
     },
     /// A movable body without mass.
-    #[error(
-        "link '{link}' (with the links fixed to it) has no mass: add an <inertial> with a positive mass"
-    )]
+    #[error("link '{link}' (with the links fixed to it) has no mass: add an <inertial> with a positive mass")]
     MissingInertial {
         /// The link.
         link: String,

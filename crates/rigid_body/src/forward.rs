@@ -3,9 +3,10 @@
 use nalgebra::{DVector, Matrix3};
 
 use crate::PointForce;
-use crate::data::Data;
+use crate::data::{Data, Pass};
 use crate::dynamics::world_inertia;
-use crate::kinematics::{VELOCITY, forward_pass};
+use crate::kinematics::{VELOCITY, for_each_above, forward_pass, limb_pass};
+use crate::limbs::with_limbs;
 use crate::model::Model;
 use crate::spatial::{Force, Motion};
 
@@ -62,21 +63,28 @@ pub fn aba<'d>(
     tau: &[f64],
     forces: &[PointForce],
 ) -> &'d DVector<f64> {
-    forward_pass::<VELOCITY>(model, data, q, v, &[]);
     assert_eq!(tau.len(), model.dof(), "tau has the wrong length");
-    let Data {
-        bodies,
-        articulated,
-        acceleration,
-        ..
-    } = data;
+    if limb_pass::<VELOCITY>(model, data, q, v, &[]) {
+        data.drive.copy_from_slice(tau);
+        for (frame, force) in forces {
+            let (body, frame) = model.body_of(*frame);
+            data.bring(model, body);
+            let Data { bodies, drive, .. } = data;
+            let p = bodies[body].position + bodies[body].rotation * frame.translation;
+            for_each_above(model, body, |i, dof| drive[dof] += bodies[i].axis.at(&p).dot(force));
+        }
+        let Data { limbs: work, drive, acceleration, .. } = data;
+        let (Some(limbs), Some(work)) = (&model.limbs, work) else { unreachable!() };
+        let found = acceleration.as_mut_slice();
+        with_limbs!(limbs, work, |m, d| d.forward_dynamics(m, &model.gravity, v, drive, found));
+        // The accelerations are new since.
+        data.pass = Pass::Limbs { exported: [false; 4] };
+        return &data.acceleration;
+    }
+    forward_pass::<VELOCITY>(model, data, q, v, &[]);
+    let Data { bodies, articulated, acceleration, .. } = data;
 
-    for ((joint, body), art) in model
-        .joints
-        .iter()
-        .zip(bodies.iter_mut())
-        .zip(&mut *articulated)
-    {
+    for ((joint, body), art) in model.joints.iter().zip(bodies.iter_mut()).zip(&mut *articulated) {
         let inertia = world_inertia(joint, body);
         art.rotational = Matrix3::identity() * inertia.second.trace() - inertia.second;
         art.coupling = inertia.first.cross_matrix();
@@ -119,9 +127,7 @@ pub fn aba<'d>(
     for (i, joint) in model.joints.iter().enumerate() {
         let (above, rest) = bodies.split_at_mut(i);
         let (art, body) = (&articulated[i], &mut rest[0]);
-        body.acceleration = joint
-            .parent
-            .map_or(Motion::ZERO, |parent| above[parent].acceleration);
+        body.acceleration = joint.parent.map_or(Motion::ZERO, |parent| above[parent].acceleration);
         body.acceleration.add_scaled(&body.axis_rate, v[joint.dof]);
         let rate = (art.drive - body.acceleration.dot(&art.reaction)) * art.inverse;
         acceleration[joint.dof] = rate;

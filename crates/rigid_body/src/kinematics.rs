@@ -2,7 +2,8 @@
 
 use nalgebra::{Matrix3, Vector3};
 
-use crate::data::{Body, Data, PointKinematics};
+use crate::data::{Body, Data, Pass, PointKinematics};
+use crate::limbs::with_limbs;
 use crate::model::{FrameId, JointKind, Model};
 use crate::spatial::Motion;
 
@@ -11,16 +12,8 @@ pub(crate) const POSITION: u8 = 0;
 pub(crate) const VELOCITY: u8 = 1;
 pub(crate) const ACCELERATION: u8 = 2;
 
-/// Placements, and with `ORDER` velocities and accelerations, of all bodies. Slices that the order
-/// does not need may be empty.
 #[inline(always)]
-pub(crate) fn forward_pass<const ORDER: u8>(
-    model: &Model,
-    data: &mut Data,
-    q: &[f64],
-    v: &[f64],
-    a: &[f64],
-) {
+fn check_lengths<const ORDER: u8>(model: &Model, q: &[f64], v: &[f64], a: &[f64]) {
     let n = model.dof();
     assert_eq!(q.len(), n, "q has the wrong length");
     if ORDER >= VELOCITY {
@@ -29,6 +22,24 @@ pub(crate) fn forward_pass<const ORDER: u8>(
     if ORDER >= ACCELERATION {
         assert_eq!(a.len(), n, "a has the wrong length");
     }
+}
+
+/// The forward pass of a torso with legs, if the model is one: false if it is not.
+#[inline(always)]
+pub(crate) fn limb_pass<const ORDER: u8>(model: &Model, data: &mut Data, q: &[f64], v: &[f64], a: &[f64]) -> bool {
+    let (Some(limbs), Some(work)) = (&model.limbs, &mut data.limbs) else { return false };
+    check_lengths::<ORDER>(model, q, v, a);
+    with_limbs!(limbs, work, |m, d| d.forward::<ORDER>(m, q, v, a));
+    data.pass = Pass::Limbs { exported: [false; 4] };
+    true
+}
+
+/// Placements, and with `ORDER` velocities and accelerations, of all bodies. Slices that the order
+/// does not need may be empty.
+#[inline(always)]
+pub(crate) fn forward_pass<const ORDER: u8>(model: &Model, data: &mut Data, q: &[f64], v: &[f64], a: &[f64]) {
+    check_lengths::<ORDER>(model, q, v, a);
+    data.pass = Pass::Tree;
     data.origin = Vector3::zeros();
     for (i, joint) in model.joints.iter().enumerate() {
         let (above, rest) = data.bodies.split_at_mut(i);
@@ -47,18 +58,12 @@ pub(crate) fn forward_pass<const ORDER: u8>(
                 body.rotation = parent_rotation * turn;
                 body.position = place;
                 let axis = body.rotation * joint.axis;
-                body.axis = Motion {
-                    angular: axis,
-                    linear: place.cross(&axis),
-                };
+                body.axis = Motion { angular: axis, linear: place.cross(&axis) };
             }
             JointKind::Prismatic => {
                 body.rotation = parent_rotation * joint.rotation;
                 let axis = body.rotation * joint.axis;
-                body.axis = Motion {
-                    angular: Vector3::zeros(),
-                    linear: axis,
-                };
+                body.axis = Motion { angular: Vector3::zeros(), linear: axis };
                 if i < model.carriers {
                     // The whole robot slides: move the reference point along with it.
                     data.origin += place + axis * coordinate;
@@ -89,20 +94,22 @@ pub(crate) fn forward_pass<const ORDER: u8>(
 ///
 /// If q, v or a does not have `dof` entries.
 pub fn forward_kinematics(model: &Model, data: &mut Data, q: &[f64], v: &[f64], a: &[f64]) {
-    forward_pass::<ACCELERATION>(model, data, q, v, a);
+    if !limb_pass::<ACCELERATION>(model, data, q, v, a) {
+        forward_pass::<ACCELERATION>(model, data, q, v, a);
+    }
 }
 
 /// Position of a frame's origin in the world, m, at the q of the last call of any algorithm.
 pub fn frame_position(model: &Model, data: &Data, frame: FrameId) -> Vector3<f64> {
     let (body, frame) = model.body_of(frame);
-    let body = &data.bodies[body];
-    data.origin + body.position + body.rotation * frame.translation
+    let (rotation, position) = data.pose(model, body);
+    position + rotation * frame.translation
 }
 
 /// Rotation from a frame's axes to world axes, at the q of the last call of any algorithm.
 pub fn frame_rotation(model: &Model, data: &Data, frame: FrameId) -> Matrix3<f64> {
     let (body, frame) = model.body_of(frame);
-    data.bodies[body].rotation * frame.rotation
+    data.pose(model, body).0 * frame.rotation
 }
 
 /// Position, velocity, acceleration and Jacobian of a frame's origin, in world axes.
@@ -118,7 +125,7 @@ pub fn point_kinematics<'d>(
     a: &[f64],
     frame: FrameId,
 ) -> &'d PointKinematics {
-    forward_pass::<ACCELERATION>(model, data, q, v, a);
+    forward_kinematics(model, data, q, v, a);
     last_point_kinematics(model, data, frame)
 }
 
@@ -135,24 +142,16 @@ pub fn point_kinematics_derivatives<'d>(
     a: &[f64],
     frame: FrameId,
 ) -> &'d PointKinematics {
-    forward_pass::<ACCELERATION>(model, data, q, v, a);
+    forward_kinematics(model, data, q, v, a);
     last_point_kinematics_derivatives(model, data, frame)
 }
 
 /// [`point_kinematics`] at the q, v, a of the last [`forward_kinematics`], `rnea` or
 /// `rnea_derivatives`: several points then share one pass.
-pub fn last_point_kinematics<'d>(
-    model: &Model,
-    data: &'d mut Data,
-    frame: FrameId,
-) -> &'d PointKinematics {
-    let Data {
-        bodies,
-        point,
-        origin,
-        ..
-    } = data;
+pub fn last_point_kinematics<'d>(model: &Model, data: &'d mut Data, frame: FrameId) -> &'d PointKinematics {
     let (body, frame) = model.body_of(frame);
+    data.bring(model, body);
+    let Data { bodies, point, origin, .. } = data;
     let p = bodies[body].position + bodies[body].rotation * frame.translation;
     point.position = *origin + p;
     (point.velocity, point.acceleration) = motion_at(&bodies[body], &p);
@@ -171,18 +170,10 @@ pub fn last_point_kinematics<'d>(
 ///
 /// > ∂ṗ/∂q_j = Ω_P × J_j + ω_j × ṗ_r,
 /// > ∂p̈/∂q_j = α_P × J_j + Ω_P × (Ω_P × J_j) + 2 Ω_P × (ω_j × ṗ_r) + ω_j × p̈_r.
-pub fn last_point_kinematics_derivatives<'d>(
-    model: &Model,
-    data: &'d mut Data,
-    frame: FrameId,
-) -> &'d PointKinematics {
-    let Data {
-        bodies,
-        point,
-        origin,
-        ..
-    } = data;
+pub fn last_point_kinematics_derivatives<'d>(model: &Model, data: &'d mut Data, frame: FrameId) -> &'d PointKinematics {
     let (body, frame) = model.body_of(frame);
+    data.bring(model, body);
+    let Data { bodies, point, origin, .. } = data;
     let p = bodies[body].position + bodies[body].rotation * frame.translation;
     point.position = *origin + p;
     (point.velocity, point.acceleration) = motion_at(&bodies[body], &p);
@@ -207,8 +198,7 @@ pub fn last_point_kinematics_derivatives<'d>(
         let (carried_velocity, carried_acceleration) = motion_at(parent, &p);
         let spin = &parent.velocity.angular;
         let relative_velocity = point.velocity - carried_velocity;
-        let relative_acceleration =
-            point.acceleration - carried_acceleration - spin.cross(&relative_velocity) * 2.0;
+        let relative_acceleration = point.acceleration - carried_acceleration - spin.cross(&relative_velocity) * 2.0;
         let turned = axis.angular.cross(&relative_velocity);
         let carried = spin.cross(&column);
         let dvelocity = carried + turned;
@@ -226,10 +216,7 @@ pub fn last_point_kinematics_derivatives<'d>(
 #[inline(always)]
 fn motion_at(body: &Body, p: &Vector3<f64>) -> (Vector3<f64>, Vector3<f64>) {
     let velocity = body.velocity.at(p);
-    (
-        velocity,
-        body.acceleration.at(p) + body.velocity.angular.cross(&velocity),
-    )
+    (velocity, body.acceleration.at(p) + body.velocity.angular.cross(&velocity))
 }
 
 /// Calls `each(place, dof)` for the body's joint and all above it.
@@ -267,10 +254,7 @@ pub fn center_of_mass(model: &Model, data: &mut Data, q: &[f64], v: &[f64]) -> C
         first += c * m;
         momentum += body.velocity.at(&c) * m;
     }
-    CenterOfMass {
-        position: data.origin + first / mass,
-        velocity: momentum / mass,
-    }
+    CenterOfMass { position: data.origin + first / mass, velocity: momentum / mass }
 }
 
 /// ½ vᵀ M(q) v, J.

@@ -38,6 +38,8 @@ mod dynamics;
 mod error;
 mod forward;
 mod kinematics;
+mod lanes;
+mod limbs;
 mod model;
 mod spatial;
 mod urdf;
@@ -48,9 +50,9 @@ pub use dynamics::{bias_forces, crba, rnea};
 pub use error::ModelError;
 pub use forward::aba;
 pub use kinematics::{
-    CenterOfMass, center_of_mass, forward_kinematics, frame_position, frame_rotation,
-    kinetic_energy, last_point_kinematics, last_point_kinematics_derivatives, point_kinematics,
-    point_kinematics_derivatives, potential_energy,
+    CenterOfMass, center_of_mass, forward_kinematics, frame_position, frame_rotation, kinetic_energy,
+    last_point_kinematics, last_point_kinematics_derivatives, point_kinematics, point_kinematics_derivatives,
+    potential_energy,
 };
 pub use model::{FrameId, JointKind, Model};
 pub use spatial::Inertia;

@@ -1,17 +1,11 @@
 use nalgebra::{Matrix3, Vector3};
 
 use crate::error::ModelError;
+use crate::limbs::Limbs;
 use crate::spatial::Inertia;
 
 /// Names of the six joints of a floating base, in the order of their coordinates.
-pub(crate) const BASE_JOINTS: [&str; 6] = [
-    "base_x",
-    "base_y",
-    "base_z",
-    "base_roll",
-    "base_pitch",
-    "base_yaw",
-];
+pub(crate) const BASE_JOINTS: [&str; 6] = ["base_x", "base_y", "base_z", "base_roll", "base_pitch", "base_yaw"];
 
 /// A frame of a [`Model`]: a link of its URDF. The same in a model and in every model cut from it by
 /// [`Model::subtree`].
@@ -111,6 +105,8 @@ pub struct Model {
     pub(crate) carriers: usize,
     /// The body that a floating base moves.
     pub(crate) torso: Option<usize>,
+    /// Torso and legs, if that is what the robot consists of: then the fast algorithms run.
+    pub(crate) limbs: Option<Limbs>,
 }
 
 impl Model {
@@ -132,12 +128,11 @@ impl Model {
                 break;
             }
         }
-        let joint_names = joint_of_dof
-            .iter()
-            .map(|&i| joints[i].name.clone())
-            .collect();
+        let joint_names = joint_of_dof.iter().map(|&i| joints[i].name.clone()).collect();
+        let limbs = Limbs::find(&joints, torso);
         Self {
             gravity: Vector3::new(0.0, 0.0, -9.81),
+            limbs,
             joints,
             frames,
             joint_of_dof,
@@ -169,9 +164,7 @@ impl Model {
 
     /// The coordinate of the joint that the joint of coordinate `dof` hangs from; none for the world.
     pub fn parent_dof(&self, dof: usize) -> Option<usize> {
-        self.joints[self.joint_of_dof[dof]]
-            .parent
-            .map(|parent| self.joints[parent].dof)
+        self.joints[self.joint_of_dof[dof]].parent.map(|parent| self.joints[parent].dof)
     }
 
     /// Mass properties of the body moved by the joint of coordinate `dof` with all that is fixed to
@@ -192,10 +185,7 @@ impl Model {
 
     /// The frame of a link, if the link is part of this model.
     pub fn frame_id(&self, link: &str) -> Option<FrameId> {
-        self.frames
-            .iter()
-            .position(|frame| frame.name == link && frame.body.is_some())
-            .map(FrameId)
+        self.frames.iter().position(|frame| frame.name == link && frame.body.is_some()).map(FrameId)
     }
 
     /// The link of a frame.
@@ -220,19 +210,11 @@ impl Model {
     ///
     /// If a name is unknown, a kept joint hangs from one that is not kept, or the share is not a
     /// fraction.
-    pub fn subtree<S: AsRef<str>>(
-        &self,
-        joints: &[S],
-        torso_share: f64,
-    ) -> Result<Model, ModelError> {
+    pub fn subtree<S: AsRef<str>>(&self, joints: &[S], torso_share: f64) -> Result<Model, ModelError> {
         if !(0.0..=1.0).contains(&torso_share) {
             return Err(ModelError::BadTorsoShare(torso_share));
         }
-        let base = if self.torso.is_some() {
-            BASE_JOINTS.len()
-        } else {
-            0
-        };
+        let base = if self.torso.is_some() { BASE_JOINTS.len() } else { 0 };
         // New coordinate of each joint kept.
         let mut dof_of_joint: Vec<Option<usize>> = vec![None; self.joints.len()];
         for dof in 0..base {
@@ -248,10 +230,7 @@ impl Model {
             };
             let place = &mut dof_of_joint[self.joint_of_dof[dof]];
             if place.replace(base + k).is_some() {
-                return Err(ModelError::Duplicate {
-                    kind: "joint",
-                    name: name.to_owned(),
-                });
+                return Err(ModelError::Duplicate { kind: "joint", name: name.to_owned() });
             }
         }
         let mut new_place = vec![None; self.joints.len()];
@@ -260,19 +239,13 @@ impl Model {
             let Some(dof) = dof_of_joint[i] else { continue };
             let parent = match joint.parent {
                 None => None,
-                Some(parent) => {
-                    Some(new_place[parent].ok_or_else(|| ModelError::MissingParent {
-                        joint: joint.name.clone(),
-                        parent: self.joints[parent].name.clone(),
-                    })?)
-                }
+                Some(parent) => Some(new_place[parent].ok_or_else(|| ModelError::MissingParent {
+                    joint: joint.name.clone(),
+                    parent: self.joints[parent].name.clone(),
+                })?),
             };
             new_place[i] = Some(kept.len());
-            let mut joint = Joint {
-                parent,
-                dof,
-                ..joint.clone()
-            };
+            let mut joint = Joint { parent, dof, ..joint.clone() };
             if self.torso == Some(i) {
                 joint.inertia = joint.inertia.scaled(torso_share);
             }
@@ -281,14 +254,20 @@ impl Model {
         let frames = self
             .frames
             .iter()
-            .map(|frame| Frame {
-                body: frame.body.and_then(|b| new_place[b]),
-                ..frame.clone()
-            })
+            .map(|frame| Frame { body: frame.body.and_then(|b| new_place[b]), ..frame.clone() })
             .collect();
         let mut model = Self::assemble(kept, frames, self.torso.and_then(|torso| new_place[torso]));
         model.gravity = self.gravity;
         Ok(model)
+    }
+
+    /// The same model computed by the algorithms for any tree, which are slower where the robot is a
+    /// torso with legs. For tests of one against the other.
+    #[doc(hidden)]
+    #[must_use]
+    pub fn as_general_tree(mut self) -> Self {
+        self.limbs = None;
+        self
     }
 
     /// The body of a frame.
@@ -297,10 +276,7 @@ impl Model {
     ///
     /// If the frame is not part of this model, for example a toe of a leg that was cut off.
     pub(crate) fn body_of(&self, frame: FrameId) -> (usize, &Frame) {
-        let found = self
-            .frames
-            .get(frame.0)
-            .expect("the frame id comes from another robot's model");
+        let found = self.frames.get(frame.0).expect("the frame id comes from another robot's model");
         match found.body {
             Some(body) => (body, found),
             None => panic!("frame '{}' is not part of this model", found.name),

@@ -16,11 +16,7 @@ pub struct Inertia {
 impl Inertia {
     /// No mass at all.
     pub fn zero() -> Self {
-        Self {
-            mass_kg: 0.0,
-            center_m: Vector3::zeros(),
-            rotational_kg_m2: Matrix3::zeros(),
-        }
+        Self { mass_kg: 0.0, center_m: Vector3::zeros(), rotational_kg_m2: Matrix3::zeros() }
     }
 
     /// The inertia of this body and another one fixed to it, both in the same axes.
@@ -34,11 +30,7 @@ impl Inertia {
             let offset_m = part.center_m - center_m;
             part.rotational_kg_m2 + steiner(part.mass_kg, &offset_m)
         };
-        Self {
-            mass_kg,
-            center_m,
-            rotational_kg_m2: about(self) + about(other),
-        }
+        Self { mass_kg, center_m, rotational_kg_m2: about(self) + about(other) }
     }
 
     /// The same body written in axes from which its own are displaced by `rotation` and `translation`.
@@ -52,11 +44,7 @@ impl Inertia {
 
     /// The body with every kilogram counted `share` times.
     pub fn scaled(&self, share: f64) -> Self {
-        Self {
-            mass_kg: self.mass_kg * share,
-            center_m: self.center_m,
-            rotational_kg_m2: self.rotational_kg_m2 * share,
-        }
+        Self { mass_kg: self.mass_kg * share, center_m: self.center_m, rotational_kg_m2: self.rotational_kg_m2 * share }
     }
 
     /// Σ m x xᵀ about the centre of mass; the rotational inertia is its trace minus itself.
@@ -85,10 +73,7 @@ pub(crate) struct Force {
 }
 
 impl Motion {
-    pub const ZERO: Self = Self {
-        angular: Vector3::new(0.0, 0.0, 0.0),
-        linear: Vector3::new(0.0, 0.0, 0.0),
-    };
+    pub const ZERO: Self = Self { angular: Vector3::new(0.0, 0.0, 0.0), linear: Vector3::new(0.0, 0.0, 0.0) };
 
     /// The velocity (or spatial acceleration) that this motion gives to the point p.
     #[inline(always)]
@@ -128,20 +113,14 @@ impl Motion {
 }
 
 impl Force {
-    pub const ZERO: Self = Self {
-        moment: Vector3::new(0.0, 0.0, 0.0),
-        force: Vector3::new(0.0, 0.0, 0.0),
-    };
+    pub const ZERO: Self = Self { moment: Vector3::new(0.0, 0.0, 0.0), force: Vector3::new(0.0, 0.0, 0.0) };
 }
 
 impl std::ops::Add for Force {
     type Output = Force;
     #[inline(always)]
     fn add(self, other: Force) -> Force {
-        Force {
-            moment: self.moment + other.moment,
-            force: self.force + other.force,
-        }
+        Force { moment: self.moment + other.moment, force: self.force + other.force }
     }
 }
 
@@ -156,10 +135,7 @@ impl std::ops::Add for Motion {
     type Output = Motion;
     #[inline(always)]
     fn add(self, other: Motion) -> Motion {
-        Motion {
-            angular: self.angular + other.angular,
-            linear: self.linear + other.linear,
-        }
+        Motion { angular: self.angular + other.angular, linear: self.linear + other.linear }
     }
 }
 
@@ -186,8 +162,7 @@ impl Composite {
     #[inline(always)]
     pub fn times(&self, u: &Motion) -> Force {
         Force {
-            moment: u.angular * self.second.trace() - self.second * u.angular
-                + self.first.cross(&u.linear),
+            moment: u.angular * self.second.trace() - self.second * u.angular + self.first.cross(&u.linear),
             force: u.linear * self.mass + u.angular.cross(&self.first),
         }
     }

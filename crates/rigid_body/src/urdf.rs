@@ -35,24 +35,17 @@ impl Model {
 
 fn from_urdf(text: &str, floating: bool) -> Result<Model, ModelError> {
     if text.len() > LIMIT_BYTES {
-        return Err(ModelError::TooLarge {
-            found_bytes: text.len(),
-            limit_bytes: LIMIT_BYTES,
-        });
+        return Err(ModelError::TooLarge { found_bytes: text.len(), limit_bytes: LIMIT_BYTES });
     }
     if text.contains("<!DOCTYPE") || text.contains("<!ENTITY") {
         return Err(ModelError::DocumentType);
     }
-    let robot =
-        urdf_rs::read_from_string(text).map_err(|error| ModelError::NotUrdf(error.to_string()))?;
+    let robot = urdf_rs::read_from_string(text).map_err(|error| ModelError::NotUrdf(error.to_string()))?;
 
     let mut links: BTreeMap<&str, &urdf_rs::Link> = BTreeMap::new();
     for link in &robot.links {
         if links.insert(&link.name, link).is_some() {
-            return Err(ModelError::Duplicate {
-                kind: "link",
-                name: link.name.clone(),
-            });
+            return Err(ModelError::Duplicate { kind: "link", name: link.name.clone() });
         }
     }
     let mut joint_names = BTreeSet::new();
@@ -60,93 +53,48 @@ fn from_urdf(text: &str, floating: bool) -> Result<Model, ModelError> {
     let mut joints_below: BTreeMap<&str, Vec<&urdf_rs::Joint>> = BTreeMap::new();
     for joint in &robot.joints {
         if !joint_names.insert(joint.name.as_str()) {
-            return Err(ModelError::Duplicate {
-                kind: "joint",
-                name: joint.name.clone(),
-            });
+            return Err(ModelError::Duplicate { kind: "joint", name: joint.name.clone() });
         }
         for link in [&joint.parent.link, &joint.child.link] {
             if !links.contains_key(link.as_str()) {
-                return Err(ModelError::UnknownLink {
-                    joint: joint.name.clone(),
-                    link: link.clone(),
-                });
+                return Err(ModelError::UnknownLink { joint: joint.name.clone(), link: link.clone() });
             }
         }
         if joint_above.insert(&joint.child.link, joint).is_some() {
-            return Err(ModelError::Loop {
-                joint: joint.name.clone(),
-                link: joint.child.link.clone(),
-            });
+            return Err(ModelError::Loop { joint: joint.name.clone(), link: joint.child.link.clone() });
         }
-        joints_below
-            .entry(&joint.parent.link)
-            .or_default()
-            .push(joint);
+        joints_below.entry(&joint.parent.link).or_default().push(joint);
     }
-    let mut roots = robot
-        .links
-        .iter()
-        .filter(|link| !joint_above.contains_key(link.name.as_str()));
+    let mut roots = robot.links.iter().filter(|link| !joint_above.contains_key(link.name.as_str()));
     let Some(root) = roots.next() else {
         return Err(match robot.joints.first() {
-            Some(joint) => ModelError::Loop {
-                joint: joint.name.clone(),
-                link: joint.child.link.clone(),
-            },
-            None => ModelError::NoRoot {
-                links: robot.links.len(),
-            },
+            Some(joint) => ModelError::Loop { joint: joint.name.clone(), link: joint.child.link.clone() },
+            None => ModelError::NoRoot { links: robot.links.len() },
         });
     };
     if let Some(second) = roots.next() {
-        return Err(ModelError::TwoRoots {
-            first: root.name.clone(),
-            second: second.name.clone(),
-        });
+        return Err(ModelError::TwoRoots { first: root.name.clone(), second: second.name.clone() });
     }
 
-    let mut joints = if floating {
-        floating_base(&root.name)
-    } else {
-        Vec::new()
-    };
+    let mut joints = if floating { floating_base(&root.name) } else { Vec::new() };
     let torso = joints.len().checked_sub(1);
     let mut frames = Vec::with_capacity(robot.links.len());
     // Depth first, in the order of the file. Each entry: a link, the joint above it, the body that the
     // joint hangs from, and the link's placement in that body at q = 0.
     let at_origin = (Matrix3::identity(), Vector3::zeros());
-    let mut pending = vec![(
-        root.name.as_str(),
-        None::<&urdf_rs::Joint>,
-        torso,
-        at_origin,
-    )];
+    let mut pending = vec![(root.name.as_str(), None::<&urdf_rs::Joint>, torso, at_origin)];
     while let Some((link, above, mut body, mut placement)) = pending.pop() {
         if let Some(joint) = above
             && let Some(kind) = joint_kind(joint)?
         {
             let dof = joints.len();
             let axis = joint_axis(joint)?;
-            joints.push(Joint::new(
-                &joint.name,
-                body,
-                dof,
-                kind,
-                placement,
-                axis,
-                link,
-            ));
+            joints.push(Joint::new(&joint.name, body, dof, kind, placement, axis, link));
             body = Some(dof);
             placement = at_origin;
         }
         let (rotation, translation) = placement;
-        frames.push(Frame {
-            name: link.to_owned(),
-            body,
-            rotation,
-            translation,
-        });
+        frames.push(Frame { name: link.to_owned(), body, rotation, translation });
         let inertia = link_inertia(links[link])?.placed(&rotation, &translation);
         if let Some(body) = body {
             joints[body].inertia = joints[body].inertia.plus(&inertia);
@@ -160,24 +108,13 @@ fn from_urdf(text: &str, floating: bool) -> Result<Model, ModelError> {
     // Links that the walk did not meet hang from a ring of joints.
     if frames.len() < robot.links.len() {
         let met: BTreeSet<&str> = frames.iter().map(|frame| frame.name.as_str()).collect();
-        let ring = robot
-            .joints
-            .iter()
-            .find(|joint| !met.contains(joint.child.link.as_str()));
+        let ring = robot.joints.iter().find(|joint| !met.contains(joint.child.link.as_str()));
         let joint = ring.expect("a link that was not met has a joint above it");
-        return Err(ModelError::Loop {
-            joint: joint.name.clone(),
-            link: joint.child.link.clone(),
-        });
+        return Err(ModelError::Loop { joint: joint.name.clone(), link: joint.child.link.clone() });
     }
     let first_real = torso.unwrap_or(0);
-    if let Some(joint) = joints[first_real..]
-        .iter()
-        .find(|joint| joint.inertia.mass_kg == 0.0)
-    {
-        return Err(ModelError::MissingInertial {
-            link: joint.link.clone(),
-        });
+    if let Some(joint) = joints[first_real..].iter().find(|joint| joint.inertia.mass_kg == 0.0) {
+        return Err(ModelError::MissingInertial { link: joint.link.clone() });
     }
     Ok(Model::assemble(joints, frames, torso))
 }
@@ -207,12 +144,8 @@ fn floating_base(root: &str) -> Vec<Joint> {
 /// How the joint moves; none if it is fixed.
 fn joint_kind(joint: &urdf_rs::Joint) -> Result<Option<JointKind>, ModelError> {
     use urdf_rs::JointType;
-    let unsupported = |found: &str| {
-        Err(ModelError::UnsupportedJoint {
-            joint: joint.name.clone(),
-            found: found.to_owned(),
-        })
-    };
+    let unsupported =
+        |found: &str| Err(ModelError::UnsupportedJoint { joint: joint.name.clone(), found: found.to_owned() });
     if joint.mimic.is_some() {
         return unsupported("mimic");
     }
@@ -227,57 +160,30 @@ fn joint_kind(joint: &urdf_rs::Joint) -> Result<Option<JointKind>, ModelError> {
 }
 
 fn joint_axis(joint: &urdf_rs::Joint) -> Result<Vector3<f64>, ModelError> {
-    let axis = vector(&joint.axis.xyz, "axis", || {
-        format!("joint '{}'", joint.name)
-    })?;
+    let axis = vector(&joint.axis.xyz, "axis", || format!("joint '{}'", joint.name))?;
     let length = axis.norm();
     // The direction must be meant: a length near zero or beyond squaring is a mistake in the file.
     if !(1e-6..1e6).contains(&length) {
-        return Err(ModelError::BadAxis {
-            joint: joint.name.clone(),
-            length,
-        });
+        return Err(ModelError::BadAxis { joint: joint.name.clone(), length });
     }
     Ok(axis / length)
 }
 
-fn finite(
-    value: f64,
-    field: &'static str,
-    owner: impl FnOnce() -> String,
-) -> Result<f64, ModelError> {
-    if value.is_finite() {
-        Ok(value)
-    } else {
-        Err(ModelError::NotFinite {
-            owner: owner(),
-            field,
-            value,
-        })
-    }
+fn finite(value: f64, field: &'static str, owner: impl FnOnce() -> String) -> Result<f64, ModelError> {
+    if value.is_finite() { Ok(value) } else { Err(ModelError::NotFinite { owner: owner(), field, value }) }
 }
 
-fn vector(
-    xyz: &urdf_rs::Vec3,
-    field: &'static str,
-    owner: impl Fn() -> String,
-) -> Result<Vector3<f64>, ModelError> {
+fn vector(xyz: &urdf_rs::Vec3, field: &'static str, owner: impl Fn() -> String) -> Result<Vector3<f64>, ModelError> {
     for &value in xyz.iter() {
         finite(value, field, &owner)?;
     }
     Ok(Vector3::from(**xyz))
 }
 
-fn pose(
-    pose: &urdf_rs::Pose,
-    owner: impl Fn() -> String,
-) -> Result<(Matrix3<f64>, Vector3<f64>), ModelError> {
+fn pose(pose: &urdf_rs::Pose, owner: impl Fn() -> String) -> Result<(Matrix3<f64>, Vector3<f64>), ModelError> {
     let rpy = vector(&pose.rpy, "origin rpy", &owner)?;
     let xyz = vector(&pose.xyz, "origin xyz", &owner)?;
-    Ok((
-        *Rotation3::from_euler_angles(rpy.x, rpy.y, rpy.z).matrix(),
-        xyz,
-    ))
+    Ok((*Rotation3::from_euler_angles(rpy.x, rpy.y, rpy.z).matrix(), xyz))
 }
 
 /// A link's inertia in the link's frame. A link without an <inertial> is a frame without mass.
@@ -297,32 +203,19 @@ fn link_inertia(link: &urdf_rs::Link) -> Result<Inertia, ModelError> {
     ] {
         finite(value, field, owner)?;
     }
-    let rotational = Matrix3::new(
-        i.ixx, i.ixy, i.ixz, i.ixy, i.iyy, i.iyz, i.ixz, i.iyz, i.izz,
-    );
+    let rotational = Matrix3::new(i.ixx, i.ixy, i.ixz, i.ixy, i.iyy, i.iyz, i.ixz, i.iyz, i.izz);
     if mass_kg == 0.0 && rotational == Matrix3::zeros() {
         return Ok(Inertia::zero());
     }
     if mass_kg <= 0.0 {
-        return Err(ModelError::BadMass {
-            link: link.name.clone(),
-            mass_kg,
-        });
+        return Err(ModelError::BadMass { link: link.name.clone(), mass_kg });
     }
     let mut moments: [f64; 3] = rotational.symmetric_eigenvalues().into();
     moments.sort_by(f64::total_cmp);
     // A flat or rod-like body meets the triangle inequality with equality, files round their numbers.
     let slack = 1e-6 * moments[2].abs();
-    if !(moments[0] >= -slack && moments[2] <= moments[0] + moments[1] + slack && moments[2] > 0.0)
-    {
-        return Err(ModelError::BadInertia {
-            link: link.name.clone(),
-            moments,
-        });
+    if !(moments[0] >= -slack && moments[2] <= moments[0] + moments[1] + slack && moments[2] > 0.0) {
+        return Err(ModelError::BadInertia { link: link.name.clone(), moments });
     }
-    Ok(Inertia {
-        mass_kg,
-        center_m,
-        rotational_kg_m2: rotation * rotational * rotation.transpose(),
-    })
+    Ok(Inertia { mass_kg, center_m, rotational_kg_m2: rotation * rotational * rotation.transpose() })
 }

@@ -5,8 +5,7 @@ mod common;
 use common::{Random, difference, random_state, relative_error, vision60};
 use nalgebra::{DVector, Vector3};
 use rigid_body::{
-    Data, aba, bias_forces, center_of_mass, crba, kinetic_energy, point_kinematics,
-    potential_energy, rnea,
+    Data, aba, bias_forces, center_of_mass, crba, kinetic_energy, point_kinematics, potential_energy, rnea,
 };
 
 #[test]
@@ -35,11 +34,7 @@ fn forward_dynamics_undoes_inverse_dynamics() {
         let s = random_state(&model, &mut random);
         let tau = rnea(&model, &mut data, &s.q, &s.v, &s.a, &s.forces).clone();
         let a = aba(&model, &mut data, &s.q, &s.v, tau.as_slice(), &s.forces);
-        assert!(
-            relative_error(a, &s.a) < 1e-11,
-            "{}",
-            relative_error(a, &s.a)
-        );
+        assert!(relative_error(a, &s.a) < 1e-11, "{}", relative_error(a, &s.a));
     }
 }
 
@@ -63,12 +58,7 @@ fn energies_give_the_mass_matrix_and_gravity() {
         let potential = potential_energy(&model, &mut data, &s.q);
         let expected = -model.total_mass() * model.gravity.dot(&center.position);
         assert!((potential - expected).abs() < 1e-11 * expected.abs().max(1.0));
-        let moved = difference(&s.q, |q| {
-            center_of_mass(&model, &mut data, q, &s.v)
-                .position
-                .as_slice()
-                .to_vec()
-        });
+        let moved = difference(&s.q, |q| center_of_mass(&model, &mut data, q, &s.v).position.as_slice().to_vec());
         assert!(relative_error(&center.velocity, &(moved * &v)) < 1e-9);
     }
 }

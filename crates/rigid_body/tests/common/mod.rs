@@ -4,12 +4,7 @@ use nalgebra::{DMatrix, Vector3};
 use rigid_body::{FrameId, Model};
 
 pub const VISION60: &str = include_str!("../../../../config/robots/vision60/vision60.urdf");
-pub const TOES: [&str; 4] = [
-    "front_left_toe",
-    "rear_left_toe",
-    "front_right_toe",
-    "rear_right_toe",
-];
+pub const TOES: [&str; 4] = ["front_left_toe", "rear_left_toe", "front_right_toe", "rear_right_toe"];
 
 pub fn vision60() -> Model {
     Model::floating_base_from_urdf(VISION60).expect("the robot's own URDF loads")
@@ -51,11 +46,7 @@ pub fn random_state(model: &Model, random: &mut Random) -> State {
     q[0] *= 10.0;
     let v = random.vector(n, 5.0);
     let a = random.vector(n, 30.0);
-    let forces = TOES
-        .iter()
-        .filter_map(|toe| model.frame_id(toe))
-        .map(|toe| (toe, random.vector3(200.0)))
-        .collect();
+    let forces = TOES.iter().filter_map(|toe| model.frame_id(toe)).map(|toe| (toe, random.vector3(200.0))).collect();
     State { q, v, a, forces }
 }
 
@@ -72,10 +63,7 @@ pub fn difference(x: &[f64], mut f: impl FnMut(&[f64]) -> Vec<f64>) -> DMatrix<f
             x[k] = at - h;
             let down = f(&x);
             x[k] = at;
-            up.iter()
-                .zip(&down)
-                .map(|(u, d)| (u - d) / (2.0 * h))
-                .collect()
+            up.iter().zip(&down).map(|(u, d)| (u - d) / (2.0 * h)).collect()
         };
         let (wide, narrow) = (slope(2e-4), slope(1e-4));
         for r in 0..rows {
@@ -86,10 +74,7 @@ pub fn difference(x: &[f64], mut f: impl FnMut(&[f64]) -> Vec<f64>) -> DMatrix<f
 }
 
 /// Largest difference of two matrices relative to the larger of 1 and their largest entry.
-pub fn relative_error<'a>(
-    a: impl IntoIterator<Item = &'a f64>,
-    b: impl IntoIterator<Item = &'a f64>,
-) -> f64 {
+pub fn relative_error<'a>(a: impl IntoIterator<Item = &'a f64>, b: impl IntoIterator<Item = &'a f64>) -> f64 {
     let (mut worst, mut scale) = (0.0_f64, 1.0_f64);
     let (mut a, mut b) = (a.into_iter(), b.into_iter());
     loop {
