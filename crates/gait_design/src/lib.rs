@@ -44,7 +44,13 @@ pub struct PlanOptions {
     pub solver: Settings,
     /// How the convex subproblems are solved.
     pub subproblem: SubproblemSolver,
+    /// Start from another gait's solution instead of a guess.
+    pub warm_start: Option<WarmStart>,
 }
+
+/// A plan's solution, to start a like request from. It fits any request to the same robot with as many points.
+#[derive(Clone, Debug, PartialEq)]
+pub struct WarmStart(Vec<f64>);
 
 /// How the program's convex subproblems are solved. Both give the same steps.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -65,7 +71,7 @@ impl Default for PlanOptions {
             // Costs are about 0.05; Clarabel's tolerances are absolute.
             objective_scale: 1e3,
         };
-        Self { program: ProgramSettings::default(), solver, subproblem: SubproblemSolver::default() }
+        Self { program: ProgramSettings::default(), solver, subproblem: SubproblemSolver::default(), warm_start: None }
     }
 }
 
@@ -76,6 +82,8 @@ pub struct Plan {
     pub gait: Gait,
     /// The full robot at every point of the program.
     pub points: Vec<PlanPoint>,
+    /// The solution, to start a like request from.
+    pub warm_start: WarmStart,
     /// The solver's log.
     pub log: Vec<Iteration>,
 }
@@ -118,7 +126,11 @@ pub enum PlanError {
     Gait(#[from] GaitError),
 }
 
-/// Plans one gait. `progress` sees every iteration of the solver and may stop it. The same request gives the same gait.
+/// Plans one gait. `progress` sees every iteration of the solver and may stop it. The same request and options give the same
+/// gait.
+///
+/// On a slope the world's x–y plane is the slope's surface and gravity is turned: the gait's initial state and the robot's
+/// height are relative to the surface.
 pub fn plan(
     robot: &Robot,
     request: &GaitRequest,
@@ -126,9 +138,13 @@ pub fn plan(
     progress: impl FnMut(&Iteration) -> ControlFlow<()>,
 ) -> Result<Plan, PlanError> {
     request.validate(leg_length_m(robot))?;
+    let robot = &on_slope(robot, request.slope_rad);
     let bipeds = BipedPair::new(robot, Pairing::diagonal(robot.mirror.joint_sign))?;
     let mut program = DecomposedProgram::new(robot, bipeds, request, options.program.clone());
-    let start = guess::nominal(robot, &mut program, request)?;
+    let start = match &options.warm_start {
+        Some(WarmStart(x)) => x.clone(),
+        None => guess::nominal(robot, &mut program, request)?,
+    };
     let solver = SqpSolver::new(options.solver.clone())?;
     let solution = match options.subproblem {
         SubproblemSolver::Condensed => solver.solve_with(&mut program, &mut Condensed::default(), &start, progress)?,
@@ -146,7 +162,15 @@ pub fn plan(
         objective: solution.objective,
     };
     let gait = recompose::gait(robot, &program, request, &solution.x, &points, summary)?;
-    Ok(Plan { gait, points, log: solution.log })
+    Ok(Plan { gait, points, warm_start: WarmStart(solution.x), log: solution.log })
+}
+
+/// The robot with gravity as it is on a slope: positive uphill along x.
+pub fn on_slope(robot: &Robot, slope_rad: f64) -> Robot {
+    let mut robot = robot.clone();
+    let gravity = robot.model.gravity.norm();
+    robot.model.gravity = nalgebra::Vector3::new(-slope_rad.sin(), 0.0, -slope_rad.cos()) * gravity;
+    robot
 }
 
 fn not_converged(solution: Solution) -> PlanError {

@@ -22,6 +22,8 @@ pub struct GaitRequest {
     pub height_m: f64,
     /// Lateral distance of a stance toe from the mid plane, m.
     pub half_width_m: f64,
+    /// Slope of the ground along the walk, rad; positive is uphill.
+    pub slope_rad: f64,
     /// Friction coefficient that the ground forces may use.
     pub friction: f64,
     /// Torque bound of (hip roll, hip pitch, knee), N m, on all four legs.
@@ -97,6 +99,7 @@ impl GaitRequest {
             speed_m_s,
             height_m: robot.nominal.height_m,
             half_width_m: robot.nominal.half_width_m,
+            slope_rad: 0.0,
             friction: FRICTION,
             torque_limit_nm: robot.limits.plan_torque_nm,
         })
@@ -113,6 +116,7 @@ impl GaitRequest {
             ("half_width_m", self.half_width_m, 0.0, 0.8 * leg_length_m, "m"),
             ("clearance_m", self.clearance_m, 0.0, 0.5 * self.height_m, "m"),
             ("speed_m_s", self.speed_m_s, -2.0, 2.0, "m/s"),
+            ("slope_rad", self.slope_rad, -0.35, 0.35, "rad"),
             ("friction", self.friction, 0.1, 1.5, ""),
             ("torque_limit_nm[hip roll]", roll, 1.0, 1000.0, "N m"),
             ("torque_limit_nm[hip pitch]", pitch, 1.0, 1000.0, "N m"),

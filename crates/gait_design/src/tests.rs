@@ -229,3 +229,32 @@ fn the_full_order_quadruped_simulated_for_a_step_follows_every_plan() {
         assert!(comparison.follows_plan(), "{name}: {comparison:?}");
     }
 }
+
+#[test]
+fn a_warm_start_reaches_the_cold_start_s_optimum_in_fewer_iterations() {
+    let robot = vision60();
+    let request = GaitRequest::named("amble", &robot).unwrap();
+    let first = plan(&robot, &request, &PlanOptions::default(), go_on).unwrap();
+    let faster = GaitRequest { speed_m_s: 0.45, ..request };
+    let cold = plan(&robot, &faster, &PlanOptions::default(), go_on).unwrap();
+    let options = PlanOptions { warm_start: Some(first.warm_start), ..PlanOptions::default() };
+    let warm = plan(&robot, &faster, &options, go_on).unwrap();
+    let (a, b) = (&cold.gait.solver, &warm.gait.solver);
+    assert!((a.objective - b.objective).abs() < 1e-6, "cold {}, warm {}", a.objective, b.objective);
+    assert!(b.iterations <= a.iterations, "cold {}, warm {}", a.iterations, b.iterations);
+}
+
+#[test]
+fn a_plan_for_a_slope_follows_its_step_on_that_slope_and_leans_into_it() {
+    let robot = vision60();
+    let mut request = GaitRequest::named("amble", &robot).unwrap();
+    request.slope_rad = 5.0_f64.to_radians();
+    let plan = plan(&robot, &request, &PlanOptions::default(), go_on).unwrap();
+    let comparison = simulate_planned_step(&on_slope(&robot, request.slope_rad), &plan.gait, &plan.points).unwrap();
+    assert!(comparison.follows_plan(), "{comparison:?}");
+    // Uphill the ground pushes forward: the mean of the horizontal forces carries the weight's share along the slope.
+    let mean: f64 = plan.points.iter().map(|p| p.ground_force_n[1][0] + p.ground_force_n[2][0]).sum::<f64>()
+        / plan.points.len() as f64;
+    let expected = robot.model.total_mass() * 9.81 * request.slope_rad.sin();
+    assert!((mean - expected).abs() < 0.1 * expected, "{mean} N, expected about {expected} N");
+}

@@ -27,7 +27,8 @@ pub struct StepComparison {
 /// Proportional and derivative gains of the linearised outputs, 1/s² and 1/s.
 const OUTPUT_GAINS: (f64, f64) = (900.0, 60.0);
 
-/// Simulates the first step of a plan with the full-order model and compares.
+/// Simulates the first step of a plan with the full-order model and compares. For a plan on a slope, `robot` is
+/// [`crate::on_slope`]'s.
 ///
 /// # Errors
 ///

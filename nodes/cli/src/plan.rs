@@ -43,6 +43,15 @@ pub struct Arguments {
     /// Lateral distance of a stance toe from the mid plane, m
     #[arg(long, value_name = "M", allow_negative_numbers = true)]
     half_width: Option<f64>,
+    /// Slope of the ground, degrees; positive is uphill
+    #[arg(long, value_name = "DEG", allow_negative_numbers = true)]
+    slope: Option<f64>,
+    /// Friction coefficient that the plan may use
+    #[arg(long, value_name = "MU", allow_negative_numbers = true)]
+    friction: Option<f64>,
+    /// Torque bound of every joint, N m
+    #[arg(long, value_name = "NM", allow_negative_numbers = true)]
+    torque_limit: Option<f64>,
     /// Where to write the gait file; with `all`, a folder
     #[arg(short, long, value_name = "FILE")]
     output: Option<PathBuf>,
@@ -83,7 +92,7 @@ pub fn run(arguments: &Arguments) -> Result<ExitCode> {
             plan.gait.step_duration_s,
             file.map_or_else(|| "not written: give -o FILE".into(), |f| f.display().to_string())
         );
-        if arguments.verify && !verify(&robot, &plan)? {
+        if arguments.verify && !verify(&robot, &request, &plan)? {
             followed = false;
         }
     }
@@ -107,10 +116,15 @@ impl Arguments {
             (&mut request.speed_m_s, self.speed),
             (&mut request.height_m, self.height),
             (&mut request.half_width_m, self.half_width),
+            (&mut request.slope_rad, self.slope.map(f64::to_radians)),
+            (&mut request.friction, self.friction),
         ] {
             if let Some(value) = value {
                 *field = value;
             }
+        }
+        if let Some(limit) = self.torque_limit {
+            request.torque_limit_nm = [limit; 3];
         }
         Ok(request)
     }
@@ -139,8 +153,9 @@ fn timed(robot: &robot::Robot, request: &GaitRequest, verbose: bool) -> Result<P
 }
 
 /// Simulates the planned step with the full-order model, prints how it compares, and says whether it follows the plan.
-fn verify(robot: &robot::Robot, plan: &Plan) -> Result<bool> {
-    let c = gait_design::simulate_planned_step(robot, &plan.gait, &plan.points)
+fn verify(robot: &robot::Robot, request: &GaitRequest, plan: &Plan) -> Result<bool> {
+    let robot = gait_design::on_slope(robot, request.slope_rad);
+    let c = gait_design::simulate_planned_step(&robot, &plan.gait, &plan.points)
         .with_context(|| format!("cannot simulate {}", plan.gait.name))?;
     let follows = c.follows_plan();
     println!(
