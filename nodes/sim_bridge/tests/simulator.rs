@@ -285,17 +285,29 @@ fn limp_legs_let_the_robot_down() {
     assert!(matches!(sim.fallen(), Some(Fall::Low | Fall::Tilted)), "{:?}", sim.fallen());
 }
 
+/// A robot that sits is at rest, within its joints' limits, and stays so when it is limp.
 #[test]
 fn a_sitting_robot_rests_on_the_ground() {
-    let mut sim = simulator(SimulatorOptions::default());
-    sim.reset_to_posture(Posture::Sit);
-    let sit = vision60().sit_rad();
-    run(&mut sim, 1.0, |_| hold(sit));
-    let state = sim.state();
-    // Its belly is 95 mm below the base's origin.
-    assert!((0.09..0.15).contains(&state.base_position_m[2]), "{state:?}");
-    let [roll, pitch, _] = state.roll_pitch_yaw();
-    assert!(roll.abs() < 0.05 && pitch.abs() < 0.05 && state.base_linear_velocity_world[2].abs() < 0.01, "{state:?}");
+    let robot = vision60();
+    for joint_noise_rad in [0.0, 0.03] {
+        let mut sim = simulator(SimulatorOptions { joint_noise_rad, seed: 2, ..SimulatorOptions::default() });
+        sim.reset_to_posture(Posture::Sit);
+        assert_eq!(sim.state().time_s, 0.0);
+        let first = sim.state().base_position_m[2];
+        // Its belly is 95 mm below the base's origin.
+        assert!((0.09..0.15).contains(&first), "{first} m");
+        for now in 0..1000 {
+            sim.command(&JointCommand::LIMP);
+            sim.step();
+            let state = sim.state();
+            for j in 0..12 {
+                let (q, v) = (state.joint_position_rad[j], state.joint_velocity_rad_s[j]);
+                let (low, high) = (robot.position_min_rad()[j] - 0.25, robot.position_max_rad()[j] + 0.25);
+                assert!((low..=high).contains(&q) && v.abs() < 0.5, "step {now}, joint {j}: {q} rad, {v} rad/s");
+            }
+        }
+        assert!((sim.state().base_position_m[2] - first).abs() < 0.01);
+    }
 }
 
 #[test]

@@ -1,8 +1,8 @@
 //! The robot's URDF written as MuJoCo's own format (MJCF).
 //!
 //! Contact settings are those of a stiff rubber foot on a hard floor: `solref` 0.005 s critically damped, `solimp`
-//! 0.95–0.99 over 1 mm, elliptic friction cone, `impratio` 10. Shapes of a link's `<collision>` touch the ground; toes and
-//! other links touch too, but links never touch each other.
+//! 0.95–0.99 over 1 mm, elliptic friction cone, `impratio` 10. Shapes of a link's `<collision>` touch the ground: toes, knees
+//! and torso. Toes and torso touch each other as well; nothing else of the robot does.
 
 use super::{SimulatorError, SimulatorOptions};
 use nalgebra::{Matrix3, Rotation3, UnitQuaternion, Vector3};
@@ -90,7 +90,7 @@ impl<'a> Writer<'a> {
             .unwrap_or([0.6, 0.6, 0.6, 1.0])
     }
 
-    fn shapes(&mut self, link: &'a Link) -> Result<(), SimulatorError> {
+    fn shapes(&mut self, link: &'a Link, of_trunk: bool) -> Result<(), SimulatorError> {
         for visual in &link.visual {
             let _ = write!(
                 self.text,
@@ -113,7 +113,11 @@ impl<'a> Writer<'a> {
             let _ = write!(
                 self.text,
                 r#"<geom class="{}" {name} {} {}/>"#,
-                if is_toe { "toe" } else { "touched" },
+                match (is_toe, of_trunk) {
+                    (true, _) => "toe",
+                    (false, true) => "trunk",
+                    (false, false) => "leg",
+                },
                 shape(&link.name, &collision.geometry)?,
                 place(&collision.origin),
             );
@@ -121,13 +125,13 @@ impl<'a> Writer<'a> {
         Ok(())
     }
 
-    fn link(&mut self, name: &str) -> Result<(), SimulatorError> {
+    fn link(&mut self, name: &str, of_trunk: bool) -> Result<(), SimulatorError> {
         let robot = self.robot;
         let link = robot.links.iter().find(|l| l.name == name).ok_or_else(|| {
             SimulatorError::Urdf(format!("a joint names the link \"{name}\", which the URDF does not have"))
         })?;
         self.inertial(link);
-        self.shapes(link)?;
+        self.shapes(link, of_trunk)?;
         for joint in robot.joints.iter().filter(|j| j.parent.link == name) {
             let _ = write!(self.text, r#"<body name="{}" {}>"#, escape(&joint.child.link), place(&joint.origin));
             match joint.joint_type {
@@ -157,7 +161,7 @@ impl<'a> Writer<'a> {
                     )));
                 }
             }
-            self.link(&joint.child.link)?;
+            self.link(&joint.child.link, of_trunk && joint.joint_type == JointType::Fixed)?;
             self.text += "</body>";
         }
         Ok(())
@@ -179,7 +183,7 @@ pub(super) fn mjcf(urdf: &str, names: &Names, options: &SimulatorOptions) -> Res
         text: String::new(),
         joints_met: HashSet::new(),
     };
-    writer.link(root)?;
+    writer.link(root, true)?;
     let (bodies, joints_met) = (writer.text, writer.joints_met);
     if let Some(missing) = names.joints.iter().find(|n| !joints_met.contains(n.as_str())) {
         return Err(SimulatorError::Urdf(format!(
@@ -208,10 +212,11 @@ pub(super) fn mjcf(urdf: &str, names: &Names, options: &SimulatorOptions) -> Res
 </visual>
 <statistic extent="1.5" meansize="0.1"/>
 <default>
-  <geom friction="{friction} 0.005 0.0001" solref="0.005 1" solimp="0.95 0.99 0.001" condim="3"/>
+  <geom contype="1" conaffinity="3" friction="{friction} 0.005 0.0001" solref="0.005 1" solimp="0.95 0.99 0.001" condim="3"/>
   <joint type="hinge" damping="0" armature="0"/>
   <default class="seen"><geom contype="0" conaffinity="0" group="1" mass="0"/></default>
-  <default class="touched"><geom contype="1" conaffinity="0" group="3" mass="0"/></default>
+  <default class="trunk"><geom contype="1" conaffinity="0" group="3" mass="0"/></default>
+  <default class="leg"><geom contype="2" conaffinity="0" group="3" mass="0"/></default>
   <default class="toe"><geom contype="0" conaffinity="1" group="3" mass="0"/></default>
 </default>
 <asset>

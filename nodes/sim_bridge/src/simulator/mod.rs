@@ -28,6 +28,8 @@ pub const GRAVITY_M_S2: f64 = 9.81;
 /// Legs, and joints in all.
 const LEGS: usize = 4;
 const JOINTS: usize = 12;
+/// How long a robot that is put down sitting sinks before time begins, s.
+const SINKING_S: f64 = 1.5;
 /// A body lower than this fraction of its first height has fallen.
 const FALLEN_HEIGHT_FRACTION: f64 = 0.6;
 /// A body tilted by more than this has fallen, rad.
@@ -323,8 +325,9 @@ impl Simulator {
         std::array::from_fn(|_| self.options.joint_noise_rad * random.normal())
     }
 
-    /// Puts the robot down level at the world's origin, its lowest toe touching the ground, everything at rest. Pushes that
-    /// were set are forgotten.
+    /// Puts the robot down level at the world's origin, its lowest toe touching the ground, everything at rest. A sitting
+    /// robot first sinks onto its belly with damped joints, as one that lies there switched off. Pushes that were set are
+    /// forgotten.
     pub fn reset_to_posture(&mut self, posture: Posture) {
         self.start_over();
         let angles = match posture {
@@ -342,6 +345,17 @@ impl Simulator {
         self.data.qpos_mut()[2] = self.toe_radius_m - lowest + self.options.terrain.lift_m();
         self.first_height_m = -lowest;
         self.data.forward();
+        if posture == Posture::Sit {
+            let steps = (SINKING_S / self.options.timestep_s).round() as u64;
+            for _ in 0..steps {
+                self.step();
+            }
+            // Rest, and time zero.
+            self.data.qvel_mut().fill(0.0);
+            self.data.forward();
+            self.step = 0;
+            self.torque_nm = [0.0; JOINTS];
+        }
     }
 
     /// Puts the robot down in the gait's initial state (its base height is above the floor, its base velocity in the world,
