@@ -1,0 +1,371 @@
+//! What goes wrong, and how many cycles it takes until the robot is safe. Safe: the command is damping.
+
+mod common;
+use common::*;
+use control::*;
+use std::time::Duration;
+
+fn is_damping(output: &Output) -> bool {
+    let c = &output.command;
+    output.drives_on
+        && c.kp == [0.0; JOINTS]
+        && c.torque_nm == [0.0; JOINTS]
+        && c.kd.iter().all(|kd| *kd > 0.0)
+        && c.velocity_rad_s == [0.0; JOINTS]
+}
+
+/// Runs a walking robot with something spoiled each cycle, and returns the cycles until it is safe and the last output.
+/// On the way no command breaks a limit.
+fn cycles_to_safe(
+    bench: &mut Bench,
+    at_most: usize,
+    mut spoil: impl FnMut(usize, &mut JointState, &mut Input<'_>, &mut Duration),
+) -> (usize, Output) {
+    let config = config();
+    let mut last = bench.last.unwrap();
+    for n in 0..at_most {
+        bench.now += PERIOD;
+        let mut state = bench.state();
+        let mut input = Input::default();
+        let mut now = bench.now;
+        spoil(n, &mut state, &mut input, &mut now);
+        let measures = bench.measures;
+        input.joints = measures.then_some(&state);
+        let output = bench.controller.step(&input, now);
+        assert!(output.command.is_finite(), "cycle {n}");
+        for j in 0..JOINTS {
+            assert!(output.torque_nm[j].abs() <= config.torque_limit_nm[j] + 1e-9, "cycle {n} joint {j}");
+            if output.mode.is_moving() && last.mode.is_moving() {
+                let step = (output.command.position_rad[j] - last.command.position_rad[j]).abs();
+                assert!(step <= config.velocity_limit_rad_s[j] * 0.05 + 1e-12, "cycle {n} joint {j}: {step}");
+            }
+        }
+        if output.mode.is_moving() && bench.obeys {
+            bench.position_rad = output.command.position_rad;
+            bench.velocity_rad_s = output.command.velocity_rad_s;
+        }
+        last = output;
+        bench.last = Some(output);
+        if !output.mode.is_moving() {
+            assert!(is_damping(&output), "{:?}", output.command);
+            return (n + 1, output);
+        }
+    }
+    panic!("not safe after {at_most} cycles: {:?}", last.mode);
+}
+
+fn assert_fault(output: &Output, fault: Fault, joint: Option<usize>) {
+    assert_eq!(output.mode, Mode::Fault);
+    assert!(output.faults.contains(fault), "{:?}", output.faults);
+    let report = output.report.unwrap();
+    assert_eq!((report.fault, report.joint), (fault, joint));
+    let text = report.message(&joint_names());
+    assert!(text.contains(fault.name()), "{text}");
+    if let Some(j) = joint {
+        assert!(text.contains(&joint_names()[j]), "{text}");
+    }
+}
+
+#[test]
+fn nan_from_any_joint_and_field_is_a_fault_in_the_same_cycle() {
+    for j in 0..JOINTS {
+        for bad in [f64::NAN, f64::INFINITY, f64::NEG_INFINITY] {
+            for field in 0..3 {
+                let mut b = Bench::walking(config());
+                let (cycles, output) = cycles_to_safe(&mut b, 2, |_, state, _, _| match field {
+                    0 => state.position_rad[j] = bad,
+                    1 => state.velocity_rad_s[j] = bad,
+                    _ => {
+                        let mut t = [30.0; JOINTS];
+                        t[j] = bad;
+                        state.temperature_c = Some(t);
+                    }
+                });
+                assert_eq!(cycles, 1);
+                assert_fault(&output, Fault::InvalidInput, Some(j));
+            }
+        }
+    }
+}
+
+#[test]
+fn what_cannot_be_is_a_fault_in_the_same_cycle() {
+    type Case = (Fault, fn(&mut JointState));
+    let cases: [Case; 5] = [
+        (Fault::PositionOutOfRange, |s| s.position_rad[5] = 3.3),
+        (Fault::PositionOutOfRange, |s| s.position_rad[5] = -9.0),
+        (Fault::VelocityOutOfRange, |s| s.velocity_rad_s[5] = 91.0),
+        (Fault::EncoderJump, |s| s.position_rad[5] += 0.2),
+        (Fault::DriveError, |s| s.drive_error[5] = 3),
+    ];
+    for (fault, spoil) in cases {
+        let mut b = Bench::walking(config());
+        let (cycles, output) = cycles_to_safe(&mut b, 2, |_, state, _, _| spoil(state));
+        assert_eq!(cycles, 1);
+        assert_fault(&output, fault, Some(5));
+    }
+}
+
+#[test]
+fn joint_states_that_stop_mean_damping_after_the_timeout() {
+    let mut b = Bench::walking(config());
+    b.measures = false;
+    let (cycles, output) = cycles_to_safe(&mut b, 40, |_, _, _, _| {});
+    assert_eq!(cycles, 21, "20 ms are allowed");
+    assert_eq!(output.mode, Mode::Damping);
+    assert_eq!(output.damping_reason, Some(DampingReason::StaleJointState));
+    assert!(output.faults.is_empty());
+    // When they come again it stays damped until someone asks.
+    b.measures = true;
+    assert_eq!(b.run(100).mode, Mode::Damping);
+    assert_eq!(b.ask(Request::Stand), Ok(Mode::StandingUp));
+}
+
+#[test]
+fn one_silent_drive_is_enough() {
+    let mut b = Bench::walking(config());
+    let silent_since = b.now;
+    let (cycles, output) = cycles_to_safe(&mut b, 40, |_, state, _, _| state.arrived[7] = silent_since);
+    assert_eq!(cycles, 21);
+    assert_eq!(output.damping_reason, Some(DampingReason::StaleJointState));
+}
+
+#[test]
+fn states_late_by_up_to_ten_milliseconds_are_walked_on() {
+    for late_ms in [1, 4, 10] {
+        let mut b = Bench::walking(config());
+        let mut history = vec![b.state()];
+        for _ in 0..2000 {
+            b.now += PERIOD;
+            history.push(b.state());
+            let state = history[history.len().saturating_sub(1 + late_ms)];
+            let output = b.controller.step(&Input { joints: Some(&state), ..Input::default() }, b.now);
+            assert_eq!(output.mode, Mode::Walking, "{late_ms} ms: {:?}", output.report);
+            b.position_rad = output.command.position_rad;
+            b.velocity_rad_s = output.command.velocity_rad_s;
+        }
+    }
+}
+
+#[test]
+fn lost_and_repeated_states_are_walked_on() {
+    for share in [0.05, 0.3] {
+        let mut b = Bench::walking(config());
+        let mut random = 7_u32;
+        let mut held = b.state();
+        for n in 0..5000 {
+            b.now += PERIOD;
+            random = random.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
+            let lost = f64::from(random >> 8) / f64::from(1 << 24) < share;
+            if !lost {
+                held = b.state();
+            }
+            let output = b.controller.step(&Input { joints: Some(&held), ..Input::default() }, b.now);
+            assert_eq!(output.mode, Mode::Walking, "cycle {n}: {:?}", output.report);
+            b.position_rad = output.command.position_rad;
+            b.velocity_rad_s = output.command.velocity_rad_s;
+        }
+        assert!(b.controller.step(&Input::default(), b.now).stale_inputs > (4000.0 * share) as u64);
+    }
+}
+
+#[test]
+fn states_in_the_wrong_order_are_a_clock_jump() {
+    let mut b = Bench::walking(config());
+    let old = b.state();
+    b.run(3);
+    let (cycles, output) = cycles_to_safe(&mut b, 2, |_, state, _, _| state.stamp = old.stamp - PERIOD);
+    assert_eq!(cycles, 1);
+    assert_fault(&output, Fault::ClockJump, None);
+}
+
+#[test]
+fn a_stuck_drive_is_a_tracking_error() {
+    let mut b = Bench::walking(config());
+    // In the step in which it swings, the knee has 0.45 rad to go.
+    while b.run(1).step_phase > 0.02 || b.last.unwrap().step_index % 2 == 1 {}
+    let stuck_at = b.position_rad[2];
+    let (cycles, output) = cycles_to_safe(&mut b, 500, |_, state, _, _| {
+        state.position_rad[2] = stuck_at;
+        state.velocity_rad_s[2] = 0.0;
+    });
+    assert!(cycles < 300, "{cycles}");
+    assert_fault(&output, Fault::TrackingError, Some(2));
+}
+
+#[test]
+fn a_joint_that_runs_away_is_an_overspeed() {
+    let mut b = Bench::walking(config());
+    let (cycles, output) = cycles_to_safe(&mut b, 100, |_, state, _, _| state.velocity_rad_s[0] = 10.0);
+    assert!((30..=32).contains(&cycles), "{cycles}: 30 ms are allowed");
+    assert_fault(&output, Fault::Overspeed, Some(0));
+}
+
+#[test]
+fn a_hot_drive_stops_the_walk_and_a_hotter_one_damps() {
+    let mut b = Bench::walking(config());
+    b.run(50);
+    let mut standing = None;
+    for n in 0..1000 {
+        b.now += PERIOD;
+        let mut state = b.state();
+        let mut t = [40.0; JOINTS];
+        t[8] = 85.0;
+        state.temperature_c = Some(t);
+        let output = b.controller.step(&Input { joints: Some(&state), ..Input::default() }, b.now);
+        b.position_rad = output.command.position_rad;
+        b.velocity_rad_s = output.command.velocity_rad_s;
+        assert!(matches!(output.mode, Mode::Stopping | Mode::Standing), "{:?}", output.mode);
+        if output.mode == Mode::Standing && standing.is_none() {
+            standing = Some(n);
+        }
+    }
+    assert!(standing.unwrap() <= 404, "one step at most");
+    assert_eq!(b.ask(Request::Walk), Err(Refusal::FaultLatched));
+    assert_eq!(b.ask(Request::ClearFault(Fault::DriveHot)), Ok(Mode::Standing));
+    assert_eq!(b.ask(Request::Walk), Ok(Mode::Starting));
+
+    let mut b = Bench::walking(config());
+    let (cycles, output) = cycles_to_safe(&mut b, 2, |_, state, _, _| {
+        let mut t = [40.0; JOINTS];
+        t[8] = 96.0;
+        state.temperature_c = Some(t);
+    });
+    assert_eq!(cycles, 1);
+    assert_fault(&output, Fault::OverTemperature, Some(8));
+}
+
+#[test]
+fn tilt_and_a_spoiled_tilt_are_faults_in_the_same_cycle() {
+    for (roll_rad, pitch_rad, fault) in
+        [(0.9, 0.0, Fault::Tilt), (0.0, -0.81, Fault::Tilt), (f64::NAN, 0.0, Fault::InvalidInput)]
+    {
+        let mut b = Bench::walking(config());
+        let (cycles, output) =
+            cycles_to_safe(&mut b, 2, |_, _, input, _| input.tilt = Some(Tilt { roll_rad, pitch_rad }));
+        assert_eq!(cycles, 1);
+        assert_fault(&output, fault, None);
+    }
+}
+
+#[test]
+fn a_bus_that_is_down_is_a_fault_in_the_same_cycle() {
+    let mut b = Bench::walking(config());
+    let report = FaultReport { fault: Fault::BusDown, joint: Some(3), value: 0.006, limit: 0.005 };
+    let (cycles, output) = cycles_to_safe(&mut b, 2, |_, _, input, _| input.fault = Some(report));
+    assert_eq!(cycles, 1);
+    assert_fault(&output, Fault::BusDown, Some(3));
+}
+
+#[test]
+fn clocks_that_jump_are_faults_in_the_same_cycle() {
+    let mut b = Bench::walking(config());
+    let (cycles, output) = cycles_to_safe(&mut b, 2, |_, state, _, now| {
+        *now -= Duration::from_millis(500);
+        state.arrived = [*now; JOINTS];
+    });
+    assert_eq!(cycles, 1);
+    assert_fault(&output, Fault::ClockJump, None);
+
+    let mut b = Bench::walking(config());
+    let (cycles, output) = cycles_to_safe(&mut b, 2, |_, state, _, now| {
+        *now += Duration::from_millis(60);
+        state.arrived = [*now; JOINTS];
+    });
+    assert_eq!(cycles, 1);
+    assert_fault(&output, Fault::Overrun, None);
+}
+
+#[test]
+fn the_emergency_stop_damps_in_the_same_cycle_from_every_mode() {
+    let mut reached = Vec::new();
+    let day: [(Option<Request>, usize); 8] = [
+        (Some(Request::Arm), 5),
+        (Some(Request::Stand), 100),
+        (None, 4000),
+        (Some(Request::Walk), 100),
+        (None, 1500),
+        (Some(Request::Stop), 10),
+        (None, 1000),
+        (Some(Request::Sit), 300),
+    ];
+    for press_in in 0..day.len() {
+        let mut b = Bench::new(config());
+        b.load(&prepared());
+        for (request, cycles) in &day[..=press_in] {
+            if let Some(request) = request {
+                b.ask(*request).unwrap();
+            }
+            b.run(*cycles);
+        }
+        reached.push(b.controller.mode());
+        b.emergency_stop = true;
+        let output = b.cycle(&[], None);
+        assert!(is_damping(&output), "{:?}", reached.last());
+        assert_eq!(output.damping_reason, Some(DampingReason::EmergencyStop));
+        assert_eq!(b.ask(Request::Stand), Err(Refusal::EmergencyStop));
+        b.emergency_stop = false;
+        assert_eq!(b.run(100).mode, Mode::Damping, "releasing moves nothing");
+        assert_eq!(b.ask(Request::Disarm), Ok(Mode::Disarmed));
+    }
+    use Mode as M;
+    assert_eq!(
+        reached,
+        [M::Damping, M::StandingUp, M::Standing, M::Starting, M::Walking, M::Stopping, M::Standing, M::SittingDown]
+    );
+}
+
+#[test]
+fn faults_latch_until_they_are_cleared_by_their_names() {
+    let mut b = Bench::walking(config());
+    let (_, output) = cycles_to_safe(&mut b, 2, |_, state, input, _| {
+        state.drive_error[1] = 9;
+        input.tilt = Some(Tilt { roll_rad: 1.0, pitch_rad: 0.0 });
+    });
+    assert!(output.faults.contains(Fault::DriveError) && output.faults.contains(Fault::Tilt));
+    assert_eq!(b.run(500).mode, Mode::Fault);
+    assert!(b.ask(Request::Stand).is_err() && b.ask(Request::Walk).is_err() && b.ask(Request::Arm).is_err());
+    assert_eq!(b.ask(Request::ClearFault(Fault::Overspeed)), Err(Refusal::FaultNotLatched));
+    assert_eq!(b.ask(Request::ClearFault(Fault::Tilt)), Ok(Mode::Fault), "one is left");
+    assert_eq!(b.ask(Request::ClearFault(Fault::DriveError)), Ok(Mode::Damping));
+    assert_eq!(b.ask(Request::Stand), Ok(Mode::StandingUp));
+    // A robot may be switched off with a fault latched, and is not armed with one.
+    let mut b = Bench::walking(config());
+    cycles_to_safe(&mut b, 2, |_, state, _, _| state.drive_error[1] = 9);
+    assert_eq!(b.ask(Request::Disarm), Ok(Mode::Disarmed));
+    assert_eq!(b.ask(Request::Arm), Err(Refusal::FaultLatched));
+    assert_eq!(b.ask(Request::ClearFault(Fault::DriveError)), Ok(Mode::Disarmed));
+    assert_eq!(b.ask(Request::Arm), Ok(Mode::Damping));
+}
+
+#[test]
+fn arming_asks_for_fresh_and_believable_joints() {
+    let mut b = Bench::new(config());
+    b.measures = false;
+    assert_eq!(b.ask(Request::Arm), Err(Refusal::NotFresh));
+    b.measures = true;
+    b.position_rad[4] = 2.6;
+    assert_eq!(b.ask(Request::Arm), Err(Refusal::PostureUnsafe));
+    b.position_rad[4] = 0.2;
+    b.obeys = false;
+    b.velocity_rad_s[3] = 2.0;
+    assert_eq!(b.ask(Request::Arm), Err(Refusal::PostureUnsafe));
+    b.velocity_rad_s[3] = 0.0;
+    assert_eq!(b.ask(Request::Arm), Ok(Mode::Damping));
+}
+
+#[test]
+fn damping_never_gives_more_than_its_torque() {
+    let mut b = Bench::walking(config());
+    b.emergency_stop = true;
+    b.obeys = false;
+    for v in [0.1_f64, 3.0, 12.0, 29.0] {
+        b.velocity_rad_s = [v.min(8.0); JOINTS];
+        b.velocity_rad_s[2] = v;
+        let output = b.cycle(&[], None);
+        let torque = output.command.torque(&b.position_rad, &b.velocity_rad_s);
+        for (j, torque) in torque.into_iter().enumerate() {
+            assert!(torque.abs() <= 40.0 + 1e-9 && torque * b.velocity_rad_s[j] <= 0.0, "{torque}");
+        }
+    }
+}
