@@ -1,6 +1,6 @@
 //! What the controller has to know of the robot, and its thresholds: plain data, checked once.
 
-use crate::JOINTS;
+use crate::{JOINTS, STILL_RAD};
 use nalgebra::{Matrix3, Matrix3x4, Vector3};
 use rigid_body::{Data, center_of_mass, frame_position, rnea};
 use robot::Robot;
@@ -92,6 +92,8 @@ pub struct Config {
     pub tracking_error_rad: f64,
     /// … for at most this long, s.
     pub tracking_error_s: f64,
+    /// A joint whose command has moved by this while it stood still is stuck, rad.
+    pub stuck_rad: f64,
     /// A joint may exceed its velocity limit for at most this long, s.
     pub overspeed_s: f64,
     /// A measured position further outside its limits than this is a fault, rad.
@@ -151,6 +153,7 @@ impl Config {
             overrun_s: 0.05,
             tracking_error_rad: 0.35,
             tracking_error_s: 0.04,
+            stuck_rad: 0.2,
             overspeed_s: 0.03,
             position_fault_rad: 0.3,
             tilt_limit_rad: 0.8,
@@ -179,6 +182,7 @@ impl Config {
             ("overrun_s", self.overrun_s, self.control_period_s, 1.0),
             ("tracking_error_rad", self.tracking_error_rad, 0.01, 2.0),
             ("tracking_error_s", self.tracking_error_s, 0.001, 1.0),
+            ("stuck_rad", self.stuck_rad, 2.0 * STILL_RAD, 2.0),
             ("overspeed_s", self.overspeed_s, 0.001, 1.0),
             ("position_fault_rad", self.position_fault_rad, 0.01, 1.0),
             ("tilt_limit_rad", self.tilt_limit_rad, 0.05, 1.5),

@@ -1,5 +1,6 @@
 //! The controller: one pure step from what was measured and asked to what is sent.
 
+use crate::STILL_RAD;
 use crate::limits::Limiter;
 use crate::ramp::Ramp;
 use crate::{
@@ -211,6 +212,8 @@ pub struct Controller {
     last_now: Option<Duration>,
     tracking_error_s: [f64; JOINTS],
     overspeed_s: [f64; JOINTS],
+    /// Where each joint was, and was commanded to be, when it moved last.
+    still: [Option<(f64, f64)>; JOINTS],
     step_index: u64,
     step_phase: f64,
     cycles: u64,
@@ -237,6 +240,7 @@ impl Controller {
             last_now: None,
             tracking_error_s: [0.0; JOINTS],
             overspeed_s: [0.0; JOINTS],
+            still: [None; JOINTS],
             step_index: 0,
             step_phase: 0.0,
             cycles: 0,
@@ -437,6 +441,16 @@ impl Controller {
             let held = moving && self.held(j);
             self.tracking_error_s[j] =
                 if held && error > self.config.tracking_error_rad { self.tracking_error_s[j] + dt_s } else { 0.0 };
+            let commanded = self.command.position_rad[j];
+            match self.still[j] {
+                Some((position, command)) if held && (q - position).abs() < STILL_RAD => {
+                    let moved = (commanded - command).abs();
+                    if moved > self.config.stuck_rad {
+                        self.latch_joint(Fault::JointStuck, j, moved, self.config.stuck_rad, now);
+                    }
+                }
+                _ => self.still[j] = held.then_some((q, commanded)),
+            }
             if self.tracking_error_s[j] > self.config.tracking_error_s {
                 let limit = self.config.tracking_error_rad;
                 self.latch_joint(Fault::TrackingError, j, error, limit, now);
@@ -523,7 +537,10 @@ impl Controller {
             Request::Stop => Event::Stop,
             Request::StartOnGait => Event::StartOnGait,
         };
-        let mode = self.try_event(event, emergency_stop, now)?;
+        let mode = self.try_event(event, emergency_stop, now).map_err(|refusal| match refusal {
+            Refusal::PostureUnsafe => self.posture_problem().unwrap_or(refusal),
+            other => other,
+        })?;
         match request {
             Request::Walk | Request::StartOnGait => self.walk_wanted = true,
             Request::Stop | Request::Sit | Request::Stand | Request::Disarm => {
@@ -534,19 +551,29 @@ impl Controller {
         Ok(mode)
     }
 
+    /// What keeps the robot from being armed or from standing up, if a joint does.
+    fn posture_problem(&self) -> Option<Refusal> {
+        let (s, c) = (self.joints.as_ref()?, &self.config);
+        (0..JOINTS).find_map(|joint| {
+            let q = s.position_rad[joint];
+            let outside = (c.position_min_rad[joint] - q).max(q - c.position_max_rad[joint]);
+            if s.drive_error[joint] != 0 {
+                Some(Refusal::JointDrive { joint })
+            } else if outside > c.position_fault_rad {
+                Some(Refusal::JointOutside { joint })
+            } else if s.velocity_rad_s[joint].abs() > c.rest_velocity_rad_s {
+                Some(Refusal::JointMoves { joint })
+            } else {
+                None
+            }
+        })
+    }
+
     fn guards(&self, emergency_stop: bool, now: Duration) -> Guards {
         let c = &self.config;
         Guards {
             fresh: self.is_fresh(now),
-            posture_safe: self.joints.is_some_and(|s| {
-                (0..JOINTS).all(|j| {
-                    let outside =
-                        (c.position_min_rad[j] - s.position_rad[j]).max(s.position_rad[j] - c.position_max_rad[j]);
-                    outside <= c.position_fault_rad
-                        && s.velocity_rad_s[j].abs() <= c.rest_velocity_rad_s
-                        && s.drive_error[j] == 0
-                })
-            }),
+            posture_safe: self.joints.is_some() && self.posture_problem().is_none(),
             gait_loaded: self.gait().is_some(),
             any_fault: !self.faults.is_empty(),
             emergency_stop,
@@ -628,6 +655,7 @@ impl Controller {
         self.limiter.reset();
         self.tracking_error_s = [0.0; JOINTS];
         self.overspeed_s = [0.0; JOINTS];
+        self.still = [None; JOINTS];
         self.step_phase = 0.0;
     }
 

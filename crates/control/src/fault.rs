@@ -16,6 +16,8 @@ pub enum Fault {
     Overspeed,
     /// A joint did not follow its command.
     TrackingError,
+    /// A joint did not move at all while its command did.
+    JointStuck,
     /// The base is tilted further than allowed.
     Tilt,
     /// A drive is too hot to go on.
@@ -45,13 +47,14 @@ pub enum Severity {
 
 impl Fault {
     /// Every fault.
-    pub const ALL: [Self; 14] = [
+    pub const ALL: [Self; 15] = [
         Self::InvalidInput,
         Self::PositionOutOfRange,
         Self::VelocityOutOfRange,
         Self::EncoderJump,
         Self::Overspeed,
         Self::TrackingError,
+        Self::JointStuck,
         Self::Tilt,
         Self::OverTemperature,
         Self::DriveHot,
@@ -71,6 +74,7 @@ impl Fault {
             Self::EncoderJump => "encoder_jump",
             Self::Overspeed => "overspeed",
             Self::TrackingError => "tracking_error",
+            Self::JointStuck => "joint_stuck",
             Self::Tilt => "tilt",
             Self::OverTemperature => "over_temperature",
             Self::DriveHot => "drive_hot",
@@ -164,6 +168,10 @@ impl FaultReport {
             Fault::EncoderJump => ("rad in one reading", "check the joint's encoder and its cable"),
             Fault::Overspeed => ("rad/s", "look for what drove the joint; was the robot falling?"),
             Fault::TrackingError => ("rad off its command", "look for a blocked joint or a drive without power"),
+            Fault::JointStuck => (
+                "rad commanded while it stood still",
+                "look for a blocked joint, a dead encoder, or a drive without power",
+            ),
             Fault::Tilt => ("rad", "put the robot level"),
             Fault::OverTemperature | Fault::DriveHot => ("°C", "let the drive cool down"),
             Fault::DriveError => ("as error code", "look the code up in the drive's manual"),

@@ -20,6 +20,9 @@ mod prepared_gait;
 mod ramp;
 mod transition;
 
+/// A joint that has moved by less than this has stood still, rad.
+const STILL_RAD: f64 = 0.02;
+
 pub use command::JointCommand;
 pub use config::{Config, ConfigError, DriveMode, Posture};
 pub use controller::{Controller, DampingReason, Input, JointState, MAX_REQUESTS, Output, Request, Tilt};

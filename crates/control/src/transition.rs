@@ -142,6 +142,13 @@ impl Guards {
     };
 }
 
+/// What people call a joint.
+fn label(joint: usize) -> String {
+    let legs = ["front left", "rear left", "front right", "rear right"];
+    let joints = ["hip roll", "hip pitch", "knee"];
+    format!("the {} {}", legs[joint / 3 % 4], joints[joint % 3])
+}
+
 /// Why a request was refused.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum Refusal {
@@ -158,9 +165,27 @@ pub enum Refusal {
     /// The joint states are missing or old.
     #[error("refused: no fresh joint states. Is the robot, or the simulator, running and connected?")]
     NotFresh,
-    /// A joint is out of its limits or moves.
-    #[error("refused: a joint is outside its limits or moving. Put the robot at rest within its limits")]
+    /// A joint is not as it must be; the controller says which and how.
+    #[error("refused: a joint is outside its limits or moving, or its drive reports an error")]
     PostureUnsafe,
+    /// A joint is out of its limits.
+    #[error("refused: {} is outside its limits. Move it by hand, or check its zero point", label(*joint))]
+    JointOutside {
+        /// Which.
+        joint: usize,
+    },
+    /// A joint moves.
+    #[error("refused: {} is moving. Wait until the robot is at rest", label(*joint))]
+    JointMoves {
+        /// Which.
+        joint: usize,
+    },
+    /// A drive reports an error.
+    #[error("refused: the drive of {} reports an error. Look it up in the drive's manual", label(*joint))]
+    JointDrive {
+        /// Which.
+        joint: usize,
+    },
     /// No gait.
     #[error("refused: no gait is loaded. Ask the planner for one, or load one from a file")]
     NoGait,

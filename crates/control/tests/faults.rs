@@ -180,17 +180,28 @@ fn states_in_the_wrong_order_are_a_clock_jump() {
 }
 
 #[test]
-fn a_stuck_drive_is_a_tracking_error() {
+fn a_stuck_drive_is_noticed_within_the_step_in_which_it_should_swing() {
     let mut b = Bench::walking(config());
-    // In the step in which it swings, the knee has 0.45 rad to go.
     while b.run(1).step_phase > 0.02 || b.last.unwrap().step_index % 2 == 1 {}
     let stuck_at = b.position_rad[2];
     let (cycles, output) = cycles_to_safe(&mut b, 500, |_, state, _, _| {
         state.position_rad[2] = stuck_at;
         state.velocity_rad_s[2] = 0.0;
     });
-    assert!(cycles < 300, "{cycles}");
-    assert_fault(&output, Fault::TrackingError, Some(2));
+    assert!(cycles < 150, "{cycles}");
+    assert_fault(&output, Fault::JointStuck, Some(2));
+}
+
+#[test]
+fn a_joint_that_moves_but_does_not_follow_is_a_tracking_error() {
+    let mut b = Bench::walking(config());
+    let (cycles, output) = cycles_to_safe(&mut b, 500, |n, state, _, _| {
+        // Pushed away at 4 rad/s.
+        state.position_rad[4] += 0.004 * n as f64;
+        state.velocity_rad_s[4] = 4.0;
+    });
+    assert!(cycles < 200, "{cycles}");
+    assert_fault(&output, Fault::TrackingError, Some(4));
 }
 
 #[test]
@@ -345,11 +356,13 @@ fn arming_asks_for_fresh_and_believable_joints() {
     assert_eq!(b.ask(Request::Arm), Err(Refusal::NotFresh));
     b.measures = true;
     b.position_rad[4] = 2.6;
-    assert_eq!(b.ask(Request::Arm), Err(Refusal::PostureUnsafe));
+    assert_eq!(b.ask(Request::Arm), Err(Refusal::JointOutside { joint: 4 }));
     b.position_rad[4] = 0.2;
     b.obeys = false;
     b.velocity_rad_s[3] = 2.0;
-    assert_eq!(b.ask(Request::Arm), Err(Refusal::PostureUnsafe));
+    let refusal = b.ask(Request::Arm).unwrap_err();
+    assert_eq!(refusal, Refusal::JointMoves { joint: 3 });
+    assert!(refusal.to_string().contains("the rear left hip roll is moving"), "{refusal}");
     b.velocity_rad_s[3] = 0.0;
     assert_eq!(b.ask(Request::Arm), Ok(Mode::Damping));
 }

@@ -94,7 +94,7 @@ fn a_hundred_thousand_random_events_break_nothing() {
                     8 => gait = Some(&gaits[(random.next() % 3) as usize]),
                     9 => requests[0] = Request::Disarm,
                     10 | 11 => {
-                        let fault = Fault::ALL[(random.next() % 14) as usize];
+                        let fault = Fault::ALL[(random.next() % Fault::ALL.len() as u64) as usize];
                         requests[0] = Request::ClearFault(fault);
                     }
                     12 => state.position_rad[(random.next() % 12) as usize] = f64::NAN,

@@ -55,6 +55,7 @@ pub fn config() -> Config {
         overrun_s: 0.05,
         tracking_error_rad: 0.35,
         tracking_error_s: 0.04,
+        stuck_rad: 0.2,
         overspeed_s: 0.03,
         position_fault_rad: 0.3,
         tilt_limit_rad: 0.8,
