@@ -148,7 +148,7 @@ pub struct Gait {
 pub enum GaitError {
     /// The text is not JSON, or lacks a field, or has one too many.
     #[error("gait file: not readable: {0}. Is it whole? Plan it again with `tandem plan`")]
-    Syntax(#[from] serde_json::Error),
+    Syntax(String),
     /// Another kind of file.
     #[error("gait file: format is \"{found}\", expected \"{FILE_FORMAT}\": this is not a gait file")]
     Format {
@@ -183,6 +183,12 @@ pub enum GaitError {
         /// The robot here.
         expected: String,
     },
+}
+
+impl From<serde_json::Error> for GaitError {
+    fn from(e: serde_json::Error) -> Self {
+        Self::Syntax(e.to_string())
+    }
 }
 
 impl Gait {

@@ -73,15 +73,20 @@ pub fn run(arguments: &Arguments) -> Result<ExitCode> {
     if all && let Some(folder) = &arguments.output {
         std::fs::create_dir_all(folder).with_context(|| format!("cannot make the folder {}", folder.display()))?;
     }
-    println!("{:8} {:>10} {:>8} {:>12} {:>12} {:>9}  file", "gait", "iterations", "time s", "cost", "violation", "T s");
     let mut followed = true;
-    for name in names {
+    for (index, name) in names.into_iter().enumerate() {
         let request = arguments.request(name, &robot)?;
         let plan = timed(&robot, &request, arguments.verbose)?;
         let solver = &plan.gait.solver;
         let file = arguments.output.as_ref().map(|o| if all { o.join(format!("{name}.json")) } else { o.clone() });
         if let Some(file) = &file {
             write(file, &plan.gait.to_json())?;
+        }
+        if index == 0 {
+            println!(
+                "{:8} {:>10} {:>8} {:>12} {:>12} {:>9}  file",
+                "gait", "iterations", "time s", "cost", "violation", "T s"
+            );
         }
         println!(
             "{name:8} {:>10} {:>8.3} {:>12.6} {:>12.1e} {:>9.4}  {}",
