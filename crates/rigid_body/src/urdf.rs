@@ -9,7 +9,11 @@ use crate::model::{BASE_JOINTS, Frame, Joint, JointKind, Model};
 use crate::spatial::Inertia;
 
 /// Longest URDF accepted. The largest robots' files are below 1 MB; meshes are files of their own.
-const LIMIT_BYTES: usize = 8 << 20;
+const LIMIT_BYTES: usize = 4 << 20;
+/// Deepest nesting accepted: a parser that recurses must not run out of stack.
+const LIMIT_DEPTH: usize = 32;
+/// Most elements accepted.
+const LIMIT_ELEMENTS: usize = 50_000;
 
 impl Model {
     /// A robot that floats: six coordinates of its root link, then one for each movable joint in the
@@ -34,12 +38,7 @@ impl Model {
 }
 
 fn from_urdf(text: &str, floating: bool) -> Result<Model, ModelError> {
-    if text.len() > LIMIT_BYTES {
-        return Err(ModelError::TooLarge { found_bytes: text.len(), limit_bytes: LIMIT_BYTES });
-    }
-    if text.contains("<!DOCTYPE") || text.contains("<!ENTITY") {
-        return Err(ModelError::DocumentType);
-    }
+    check_shape(text)?;
     let robot = urdf_rs::read_from_string(text).map_err(|error| ModelError::NotUrdf(error.to_string()))?;
 
     let mut links: BTreeMap<&str, &urdf_rs::Link> = BTreeMap::new();
@@ -218,4 +217,75 @@ fn link_inertia(link: &urdf_rs::Link) -> Result<Inertia, ModelError> {
         return Err(ModelError::BadInertia { link: link.name.clone(), moments });
     }
     Ok(Inertia { mass_kg, center_m, rotational_kg_m2: rotation * rotational * rotation.transpose() })
+}
+
+/// Walks over the text once, without building anything, and refuses what could exhaust memory or stack, or what the
+/// reader proper would report without saying where.
+fn check_shape(text: &str) -> Result<(), ModelError> {
+    use quick_xml::events::Event;
+    if text.len() > LIMIT_BYTES {
+        return Err(ModelError::TooLarge { found_bytes: text.len(), limit_bytes: LIMIT_BYTES });
+    }
+    let not_urdf = |problem: String| Err(ModelError::NotUrdf(problem));
+    let mut reader = quick_xml::Reader::from_str(text);
+    let (mut depth, mut elements) = (0_usize, 0_usize);
+    let mut root_seen = false;
+    loop {
+        let at_byte = reader.buffer_position() as usize;
+        match reader.read_event() {
+            Err(error) => return not_urdf(format!("{error} (at byte {at_byte})")),
+            Ok(Event::Eof) if depth > 0 => return not_urdf("the text ends inside an element".to_owned()),
+            Ok(Event::Eof) if !root_seen => return not_urdf("there is no element".to_owned()),
+            Ok(Event::Eof) => return Ok(()),
+            Ok(Event::DocType(_)) => return Err(ModelError::DocumentType),
+            Ok(event @ (Event::Start(_) | Event::Empty(_))) => {
+                let (element, opens) = match &event {
+                    Event::Start(element) => (element, true),
+                    Event::Empty(element) => (element, false),
+                    _ => continue,
+                };
+                if depth == 0 {
+                    if root_seen || element.name().as_ref() != b"robot" {
+                        let name = String::from_utf8_lossy(element.name().as_ref()).into_owned();
+                        return not_urdf(format!("there is an element <{name}> at the top"));
+                    }
+                    root_seen = true;
+                }
+                if depth == 1 && element.name().as_ref() == b"joint" {
+                    check_joint_type(element)?;
+                }
+                elements += 1;
+                if elements > LIMIT_ELEMENTS {
+                    return Err(ModelError::TooManyElements { limit: LIMIT_ELEMENTS });
+                }
+                if opens {
+                    depth += 1;
+                }
+                if depth > LIMIT_DEPTH {
+                    return Err(ModelError::TooDeep { limit: LIMIT_DEPTH, at_byte });
+                }
+            }
+            Ok(Event::End(_)) => match depth.checked_sub(1) {
+                Some(above) => depth = above,
+                None => return not_urdf(format!("an element is closed at byte {at_byte} that was not opened")),
+            },
+            Ok(_) => {}
+        }
+    }
+}
+
+/// The reader proper knows URDF's joint types only, and does not say which joint has another.
+fn check_joint_type(element: &quick_xml::events::BytesStart) -> Result<(), ModelError> {
+    const KNOWN: [&str; 7] = ["revolute", "continuous", "prismatic", "fixed", "floating", "planar", "spherical"];
+    let value = |name: &str| -> Result<Option<String>, ModelError> {
+        match element.try_get_attribute(name) {
+            Ok(found) => Ok(found.map(|attribute| String::from_utf8_lossy(&attribute.value).into_owned())),
+            Err(error) => Err(ModelError::NotUrdf(error.to_string())),
+        }
+    };
+    let joint = value("name")?.unwrap_or_default();
+    match value("type")? {
+        Some(found) if !KNOWN.contains(&found.as_str()) => Err(ModelError::UnsupportedJoint { joint, found }),
+        _ => Ok(()),
+    }
 }
