@@ -45,8 +45,8 @@ pub struct PairMotion {
     pub front: [f64; 12],
     /// q̈_r.
     pub rear: [f64; 12],
-    /// λ of the stance toes in the order given, N, world axes.
-    pub forces: Vec<Vector3<f64>>,
+    /// λ by leg, N, world axes; zero where the leg does not stand.
+    pub forces: [Vector3<f64>; 4],
     /// λc: the generalised force along the torso's coordinates that f gives to r.
     pub connection: [f64; 6],
 }
@@ -58,8 +58,8 @@ pub struct PairImpact {
     pub front: [f64; 12],
     /// q̇_r⁺.
     pub rear: [f64; 12],
-    /// Λ of the landing toes in the order given, N s, world axes.
-    pub impulses: Vec<Vector3<f64>>,
+    /// Λ by leg, N s, world axes; zero where the leg does not land.
+    pub impulses: [Vector3<f64>; 4],
     /// Λc.
     pub connection: [f64; 6],
 }
@@ -73,8 +73,8 @@ pub struct ClosedLoop {
     pub torque: [f64; 6],
     /// Torques of the following biped's six joints, N m. The paper bounds only the leading biped's.
     pub follower_torque: [f64; 6],
-    /// λ of the stance toes in the order given, N, world axes.
-    pub forces: Vec<Vector3<f64>>,
+    /// λ by leg, N, world axes; zero where the leg does not stand.
+    pub forces: [Vector3<f64>; 4],
     /// λc, with the sign of [`PairMotion::connection`].
     pub connection: [f64; 6],
 }
@@ -341,7 +341,7 @@ impl Bipeds {
         }
         let x = system.solution();
         let acceleration: [f64; 12] = std::array::from_fn(|i| x[i]);
-        let forces = vectors(x, contact_columns, stance.len());
+        let forces = by_leg(x, contact_columns, stance);
         // u_r: the last six rows of D_r A q̈_f + H_r − Σ J_rᵀ λ.
         let follower_acceleration = pairing.rate(&acceleration);
         let mut follower_torque = [0.0; 6];
@@ -349,10 +349,10 @@ impl Bipeds {
             let inertial: f64 = (0..12).map(|k| data.mass_matrix[(6 + i, k)] * follower_acceleration[k]).sum();
             follower_torque[i] = data.tau[6 + i] + inertial;
         }
-        for (k, &leg) in stance.iter().enumerate().filter(|(_, leg)| Side::of_leg(**leg) == follow) {
+        for &leg in stance.iter().filter(|leg| Side::of_leg(**leg) == follow) {
             let point = last_point_kinematics(model, data, toes[leg]);
             for i in 0..6 {
-                follower_torque[i] -= point.jacobian.column(6 + i).dot(&forces[k]);
+                follower_torque[i] -= point.jacobian.column(6 + i).dot(&forces[leg]);
             }
         }
         Ok(ClosedLoop {
@@ -406,7 +406,7 @@ impl Bipeds {
         &mut self,
         what: &'static str,
         contacts: &[usize],
-    ) -> Result<([f64; 12], [f64; 12], Vec<Vector3<f64>>, [f64; 6]), DynamicsError> {
+    ) -> Result<([f64; 12], [f64; 12], [Vector3<f64>; 4], [f64; 6]), DynamicsError> {
         let size = 24 + 3 * contacts.len() + 6;
         let outcome = self.system.solve(0..0);
         if outcome.rank < size {
@@ -416,7 +416,7 @@ impl Bipeds {
         Ok((
             std::array::from_fn(|i| x[i]),
             std::array::from_fn(|i| x[12 + i]),
-            vectors(x, 24, contacts.len()),
+            by_leg(x, 24, contacts),
             std::array::from_fn(|i| x[size - 6 + i]),
         ))
     }
@@ -437,8 +437,13 @@ impl ClosedLoop {
     }
 }
 
-fn vectors(x: &[f64], first: usize, count: usize) -> Vec<Vector3<f64>> {
-    (0..count).map(|k| Vector3::from_column_slice(&x[first + 3 * k..first + 3 * k + 3])).collect()
+/// Forces by leg out of a solution that has them in the order of `legs` from entry `first` on.
+fn by_leg(x: &[f64], first: usize, legs: &[usize]) -> [Vector3<f64>; 4] {
+    let mut forces = [Vector3::zeros(); 4];
+    for (k, &leg) in legs.iter().enumerate() {
+        forces[leg] = Vector3::new(x[first + 3 * k], x[first + 3 * k + 1], x[first + 3 * k + 2]);
+    }
+    forces
 }
 
 fn check_legs(legs: &[usize]) {

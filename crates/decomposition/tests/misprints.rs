@@ -56,10 +56,10 @@ fn the_connection_jacobian_has_the_sign_of_the_proof() {
     let f = biped(&robot, &bipeds, Side::Front, &q_f, &v_f);
     let r = biped(&robot, &bipeds, Side::Rear, &q_r, &v_r);
     let connection = vector(&pair.connection);
-    let front = (&f.mass * vector(&pair.front) + &f.bias - f.jacobian[1].tr_mul(&vector(pair.forces[1].as_slice())))
+    let front = (&f.mass * vector(&pair.front) + &f.bias - f.jacobian[1].tr_mul(&vector(pair.forces[2].as_slice())))
         .rows(0, 6)
         .into_owned();
-    let rear = (&r.mass * vector(&pair.rear) + &r.bias - r.jacobian[0].tr_mul(&vector(pair.forces[0].as_slice())))
+    let rear = (&r.mass * vector(&pair.rear) + &r.bias - r.jacobian[0].tr_mul(&vector(pair.forces[1].as_slice())))
         .rows(0, 6)
         .into_owned();
     assert!((&front + &connection).amax() < 1e-9 * connection.amax());
@@ -132,7 +132,7 @@ fn the_rear_torso_rows_have_the_rear_mass_matrix_and_the_connection_wrench() {
     let f = biped(&robot, &bipeds, Side::Front, &q_f, &[0.0; 12]);
     let r = biped(&robot, &bipeds, Side::Rear, &q_r, &[0.0; 12]);
     let a_r = vector(&pairing.rate(&solution.acceleration));
-    let force = r.jacobian[0].tr_mul(&vector(solution.forces[0].as_slice()));
+    let force = r.jacobian[0].tr_mul(&vector(solution.forces[1].as_slice()));
     let residual = |mass: &DMatrix<f64>, connection: f64| {
         let full = mass * &a_r + &r.bias - &force;
         (full.rows(0, 6) - vector(&solution.connection) * connection).amax()

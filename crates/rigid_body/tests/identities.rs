@@ -89,7 +89,7 @@ fn the_mass_matrix_changes_as_the_coriolis_matrix_says() {
         let v = DVector::from_column_slice(&s.v);
         let rate = mass_rate(&model, &mut data, &s.q, &v);
         // The Coriolis terms are quadratic in v, so with Christoffel's C they are C v and ∂(C v)/∂v = 2 C.
-        rnea_derivatives(&model, &mut data, &s.q, &s.v, &vec![0.0; 18], &[]);
+        rnea_derivatives(&model, &mut data, &s.q, &s.v, &[0.0; 18], &[]);
         let skew = &rate - &data.dtau_dv;
         assert!(relative_error(&skew, &(-skew.transpose())) < 1e-12, "dM/dt − 2 C is not skew");
         assert!(relative_error(&skew, &DMatrix::zeros(18, 18)) > 1e-3, "the test compares zeros");
