@@ -185,7 +185,7 @@ fn pose(pose: &urdf_rs::Pose, owner: impl Fn() -> String) -> Result<(Matrix3<f64
     Ok((*Rotation3::from_euler_angles(rpy.x, rpy.y, rpy.z).matrix(), xyz))
 }
 
-/// A link's inertia in the link's frame. A link without an <inertial> is a frame without mass.
+/// A link's inertia in the link's frame. A link without an `<inertial>` is a frame without mass.
 fn link_inertia(link: &urdf_rs::Link) -> Result<Inertia, ModelError> {
     let owner = || format!("link '{}'", link.name);
     let given = &link.inertial;
