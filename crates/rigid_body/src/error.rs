@@ -104,7 +104,7 @@ pub enum ModelError {
     },
     /// A rotational inertia that no body can have.
     #[error(
-        "link '{link}' has principal moments of inertia {moments:?} kg m²: expected positive ones, each at most the sum of the other two"
+        "link '{link}' (with the links fixed to it) has principal moments of inertia {moments:?} kg m²: expected positive ones, each at most the sum of the other two"
     )]
     BadInertia {
         /// The link.

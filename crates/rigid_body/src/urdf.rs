@@ -111,9 +111,16 @@ fn from_urdf(text: &str, floating: bool) -> Result<Model, ModelError> {
         let joint = ring.expect("a link that was not met has a joint above it");
         return Err(ModelError::Loop { joint: joint.name.clone(), link: joint.child.link.clone() });
     }
-    let first_real = torso.unwrap_or(0);
-    if let Some(joint) = joints[first_real..].iter().find(|joint| joint.inertia.mass_kg == 0.0) {
-        return Err(ModelError::MissingInertial { link: joint.link.clone() });
+    for joint in &joints[torso.unwrap_or(0)..] {
+        if joint.inertia.mass_kg == 0.0 {
+            return Err(ModelError::MissingInertial { link: joint.link.clone() });
+        }
+        // Of the body, not of each link: published files give cameras and the like careless inertias, which do no harm
+        // once they are part of a torso.
+        let (moments, slack) = principal_moments(&joint.inertia.rotational_kg_m2);
+        if moments[2] > moments[0] + moments[1] + slack || moments[2] <= 0.0 {
+            return Err(ModelError::BadInertia { link: joint.link.clone(), moments });
+        }
     }
     Ok(Model::assemble(joints, frames, torso))
 }
@@ -209,14 +216,19 @@ fn link_inertia(link: &urdf_rs::Link) -> Result<Inertia, ModelError> {
     if mass_kg <= 0.0 {
         return Err(ModelError::BadMass { link: link.name.clone(), mass_kg });
     }
-    let mut moments: [f64; 3] = rotational.symmetric_eigenvalues().into();
-    moments.sort_by(f64::total_cmp);
-    // A flat or rod-like body meets the triangle inequality with equality, files round their numbers.
-    let slack = 1e-6 * moments[2].abs();
-    if !(moments[0] >= -slack && moments[2] <= moments[0] + moments[1] + slack && moments[2] > 0.0) {
+    let (moments, slack) = principal_moments(&rotational);
+    if moments[0] < -slack {
         return Err(ModelError::BadInertia { link: link.name.clone(), moments });
     }
     Ok(Inertia { mass_kg, center_m, rotational_kg_m2: rotation * rotational * rotation.transpose() })
+}
+
+/// Principal moments, ascending, and how far rounding in a file may take them from what is possible: a flat or rod-like
+/// body meets the triangle inequality with equality.
+fn principal_moments(rotational: &Matrix3<f64>) -> ([f64; 3], f64) {
+    let mut moments: [f64; 3] = rotational.symmetric_eigenvalues().into();
+    moments.sort_by(f64::total_cmp);
+    (moments, 1e-6 * moments[2].abs())
 }
 
 /// Walks over the text once, without building anything, and refuses what could exhaust memory or stack, or what the
