@@ -46,6 +46,7 @@
 mod arguments;
 mod client;
 mod error;
+mod folder;
 mod logging;
 mod names;
 mod node;
@@ -58,6 +59,7 @@ mod time;
 pub use arguments::{Arguments, DiscoveryRange};
 pub use client::Client;
 pub use error::{CallError, PublishError, RosError};
+pub use folder::find_folder;
 pub use node::{Node, Stop};
 pub use parameters::{Parameter, ParameterBuilder, ParameterType, ParameterValue, Ranged};
 pub use publisher::Publisher;

@@ -1,0 +1,88 @@
+//! tandem_planner: the service `generate_gait` and the latched topic `gait`. Parameters and topics: docs/interfaces.md.
+
+use std::ops::ControlFlow;
+use std::path::Path;
+use std::process::ExitCode;
+use std::sync::Arc;
+use std::time::Duration;
+
+use anyhow::{Context, bail};
+use robot::Robot;
+use ros::{Arguments, Node, Qos, ServeOptions};
+use tandem_msgs::{Gait, GenerateGait};
+use tandem_planner::planner::Planner;
+use tandem_planner::ports;
+
+fn main() -> ExitCode {
+    match run() {
+        Ok(()) => ExitCode::SUCCESS,
+        Err(error) => {
+            eprintln!("tandem_planner: {error:#}");
+            ExitCode::FAILURE
+        }
+    }
+}
+
+fn run() -> anyhow::Result<()> {
+    let (arguments, rest) = Arguments::from_process()?;
+    if let Some(unknown) = rest.get(1) {
+        bail!("argument \"{unknown}\" is not known; parameters are given as --ros-args -p NAME:=VALUE");
+    }
+    let node = Node::start("planner", &arguments)?;
+    let folder = node
+        .parameter("robot", "config/robots/vision60".to_string())
+        .description("Folder of the robot's description; looked for from the working folder, then above the program.")
+        .read_only()
+        .declare()?;
+    let time_limit_s = node
+        .parameter("time_limit_s", 20.0)
+        .description("A solve that takes longer is given up, s.")
+        .range(0.1, 600.0)
+        .read_only()
+        .declare()?;
+    let waiting = node
+        .parameter("waiting_requests", 8_i64)
+        .description("How many requests may wait behind the one that is planned; more are answered with status busy.")
+        .range(0, 1000)
+        .read_only()
+        .declare()?;
+    let find_nearest = node
+        .parameter("find_nearest", true)
+        .description("Answer a request that cannot be planned with the nearest one that can; takes a few solves.")
+        .read_only()
+        .declare()?;
+    node.warn_of_unused_parameters();
+
+    let folder = ros::find_folder(Path::new(&folder.get()))?;
+    let robot = Robot::load(&folder).with_context(|| format!("robot folder {}", folder.display()))?;
+    let planner = Arc::new(Planner::new(robot, Duration::from_secs_f64(time_limit_s.get()), find_nearest.get()));
+
+    let gaits = node.publisher::<Gait>("gait", Qos::latched())?;
+    let waiting = usize::try_from(waiting.get())?;
+    let busy = move |_: &_| ports::failure(ports::BUSY, format!("{waiting} requests wait already: ask again later"));
+    node.serve_with::<GenerateGait>("generate_gait", ServeOptions::bounded(waiting, busy), move |request| {
+        let mut response = planner.generate(&request, |iteration, elapsed| {
+            tracing::debug!(
+                "{}: iteration {} after {elapsed:?}: cost {:.6e}, violation {:.1e}",
+                request.behaviour,
+                iteration.number,
+                iteration.objective,
+                iteration.max_violation
+            );
+            ControlFlow::Continue(())
+        });
+        response.gait.header.stamp = ros::wall_time();
+        if response.success {
+            tracing::info!("planned {}", response.message);
+            if let Err(error) = gaits.publish(response.gait.clone()) {
+                tracing::error!("{error}");
+            }
+        } else {
+            tracing::warn!("{:?} was not planned: {}: {}", request.behaviour, response.status, response.message);
+        }
+        response
+    })?;
+    tracing::info!("ready");
+    node.run();
+    Ok(())
+}

@@ -1,0 +1,186 @@
+//! Plans requests: no middleware, no files.
+
+use std::ops::ControlFlow;
+use std::time::{Duration, Instant};
+
+use gait_design::{GaitRequest, PlanError, PlanOptions};
+use nlp::Iteration;
+use robot::Robot;
+use tandem_msgs::{Gait, GenerateGaitRequest, GenerateGaitResponse};
+
+use crate::ports;
+
+/// How often the way between the behaviour's own values and the asked ones is halved to find the nearest that can be planned.
+const NEAREST_HALVINGS: u32 = 5;
+
+/// Plans gaits for one robot.
+pub struct Planner {
+    robot: Robot,
+    time_limit: Duration,
+    /// Whether a request that cannot be planned is answered with the nearest one that can.
+    find_nearest: bool,
+}
+
+impl Planner {
+    /// `time_limit` bounds one solve.
+    #[must_use]
+    pub fn new(robot: Robot, time_limit: Duration, find_nearest: bool) -> Self {
+        Planner { robot, time_limit, find_nearest }
+    }
+
+    /// Plans, or says why not, in the answer's own fields. `progress` sees every iteration of the first solve, with the time
+    /// since its start, and may stop it.
+    pub fn generate(
+        &self,
+        message: &GenerateGaitRequest,
+        mut progress: impl FnMut(&Iteration, Duration) -> ControlFlow<()>,
+    ) -> GenerateGaitResponse {
+        let request = match ports::request(message, &self.robot) {
+            Ok(request) => request,
+            Err(problem) => return ports::failure(ports::INVALID_REQUEST, problem),
+        };
+        let start = Instant::now();
+        let mut stopped = false;
+        let result = self.plan(&request, |iteration| {
+            let flow = progress(iteration, start.elapsed());
+            stopped |= flow.is_break();
+            flow
+        });
+        match result {
+            Ok(gait) => ports::success(Gait::from_gait(&gait)),
+            Err(error) => {
+                let spent = start.elapsed();
+                let mut response = ports::plan_error(&error, spent.as_secs_f64());
+                if !stopped && spent >= self.time_limit {
+                    response.status = "time limit".to_string();
+                    response.message = format!("no gait within {:?}: {}", self.time_limit, response.message);
+                } else if !stopped
+                    && self.find_nearest
+                    && matches!(error, PlanError::NotConverged { .. } | PlanError::Unreachable(_))
+                    && let Some(nearest) = self.nearest(&request)
+                {
+                    response.message += &format!("; the nearest request that can be planned: {nearest}");
+                }
+                response
+            }
+        }
+    }
+
+    fn plan(
+        &self,
+        request: &GaitRequest,
+        mut progress: impl FnMut(&Iteration) -> ControlFlow<()>,
+    ) -> Result<gait::Gait, PlanError> {
+        let start = Instant::now();
+        let limit = self.time_limit;
+        let mut plan = gait_design::plan(&self.robot, request, &PlanOptions::default(), |iteration| {
+            if start.elapsed() >= limit {
+                return ControlFlow::Break(());
+            }
+            progress(iteration)
+        })?;
+        plan.gait.solver.solve_time_s = start.elapsed().as_secs_f64();
+        Ok(plan.gait)
+    }
+
+    /// The request nearest to the asked one on the straight way from the behaviour's own values that can be planned, in words:
+    /// only the values that the caller changed.
+    fn nearest(&self, asked: &GaitRequest) -> Option<String> {
+        let own = GaitRequest::named(&asked.behaviour, &self.robot).ok()?;
+        let between = |share: f64| {
+            let mix = |own: f64, asked: f64| own + share * (asked - own);
+            GaitRequest {
+                step_duration_s: mix(own.step_duration_s, asked.step_duration_s),
+                clearance_m: mix(own.clearance_m, asked.clearance_m),
+                speed_m_s: mix(own.speed_m_s, asked.speed_m_s),
+                height_m: mix(own.height_m, asked.height_m),
+                half_width_m: mix(own.half_width_m, asked.half_width_m),
+                ..asked.clone()
+            }
+        };
+        let start = Instant::now();
+        let (mut low, mut high) = (0.0, 1.0);
+        for _ in 0..NEAREST_HALVINGS {
+            if start.elapsed() >= self.time_limit {
+                break;
+            }
+            let middle = 0.5 * (low + high);
+            match self.plan(&between(middle), |_| ControlFlow::Continue(())) {
+                Ok(_) => low = middle,
+                Err(_) => high = middle,
+            }
+        }
+        if low == 0.0 {
+            return None;
+        }
+        let nearest = between(low);
+        let changed: Vec<String> = [
+            ("step_duration_s", own.step_duration_s, asked.step_duration_s, nearest.step_duration_s),
+            ("clearance_m", own.clearance_m, asked.clearance_m, nearest.clearance_m),
+            ("speed_m_s", own.speed_m_s, asked.speed_m_s, nearest.speed_m_s),
+            ("height_m", own.height_m, asked.height_m, nearest.height_m),
+            ("half_width_m", own.half_width_m, asked.half_width_m, nearest.half_width_m),
+        ]
+        .into_iter()
+        .filter(|(_, own, asked, _)| own != asked)
+        .map(|(field, _, _, value)| format!("{field} {value:.3}"))
+        .collect();
+        Some(changed.join(", "))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::path::Path;
+
+    use super::*;
+
+    fn planner() -> Planner {
+        let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../config/robots/vision60");
+        Planner::new(Robot::load(&folder).expect("the robot loads"), Duration::from_secs(60), true)
+    }
+
+    fn ask(change: impl FnOnce(&mut GenerateGaitRequest)) -> GenerateGaitResponse {
+        let mut message = GenerateGaitRequest { behaviour: "amble".to_string(), ..Default::default() };
+        change(&mut message);
+        planner().generate(&message, |_, _| ControlFlow::Continue(()))
+    }
+
+    #[test]
+    fn amble_is_planned_and_its_message_is_a_gait() {
+        let response = ask(|_| {});
+        assert!(response.success, "{}", response.message);
+        assert_eq!(response.status, "converged");
+        let gait = response.gait.to_gait().expect("the message holds a gait");
+        assert!((gait.speed_m_s() - 0.35).abs() < 1e-6, "{}", gait.speed_m_s());
+        assert!(gait.solver.solve_time_s > 0.0 && gait.solver.iterations > 0);
+    }
+
+    #[test]
+    fn what_cannot_be_planned_is_answered_with_the_reason() {
+        let out_of_range = ask(|m| m.speed_m_s = Some(5.0).into());
+        assert!(!out_of_range.success);
+        assert_eq!(out_of_range.status, ports::INVALID_REQUEST);
+        assert!(out_of_range.message.contains("speed_m_s is 5"), "{}", out_of_range.message);
+
+        let not_a_number = ask(|m| m.height_m = Some(f64::NAN).into());
+        assert_eq!(not_a_number.status, ports::INVALID_REQUEST);
+        assert!(not_a_number.message.contains("height_m is NaN"), "{}", not_a_number.message);
+
+        let unknown = ask(|m| m.behaviour = "moonwalk".to_string());
+        assert_eq!(unknown.status, ports::INVALID_REQUEST);
+        assert!(unknown.message.contains("gait1"), "the known names: {}", unknown.message);
+    }
+
+    #[test]
+    fn a_caller_can_stop_the_solver() {
+        let message = GenerateGaitRequest { behaviour: "amble".to_string(), ..Default::default() };
+        let mut seen = 0;
+        let response = planner().generate(&message, |_, _| {
+            seen += 1;
+            if seen == 2 { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
+        });
+        assert!(!response.success);
+        assert_eq!((response.status.as_str(), seen), ("cancelled", 2));
+    }
+}

@@ -1,0 +1,158 @@
+//! Messages to and from the planner's own types: the one place where the two meet.
+
+use gait_design::{GaitRequest, PlanError, step_duration_from_step_frequency, step_duration_from_stride_frequency};
+use robot::Robot;
+use tandem_msgs::{Gait, GenerateGaitRequest, GenerateGaitResponse, Optional, SolverReport};
+
+/// `status` of an answer to a request that cannot be meant.
+pub const INVALID_REQUEST: &str = "invalid_request";
+/// `status` of an answer to a request that came while too many others waited.
+pub const BUSY: &str = "busy";
+
+/// The complete request: the behaviour's and the robot's own values where the message gives none.
+///
+/// # Errors
+/// One sentence for people that names the field, its value and what was expected.
+pub fn request(message: &GenerateGaitRequest, robot: &Robot) -> Result<GaitRequest, String> {
+    let mut request = GaitRequest::named(&message.behaviour, robot).map_err(|error| error.to_string())?;
+    let given = |field: &str, value: &Optional<f64>| value.value().map_err(|error| format!("{field}: {error}"));
+    let rates = [
+        ("step_duration_s", given("step_duration_s", &message.step_duration_s)?),
+        ("step_frequency_hz", given("step_frequency_hz", &message.step_frequency_hz)?),
+        ("stride_frequency_hz", given("stride_frequency_hz", &message.stride_frequency_hz)?),
+    ];
+    let named: Vec<&str> = rates.iter().filter(|(_, value)| value.is_some()).map(|(field, _)| *field).collect();
+    if named.len() > 1 {
+        return Err(format!("{} are given: expected at most one of them", named.join(" and ")));
+    }
+    for (field, value) in rates {
+        let Some(value) = value else { continue };
+        // A frequency of 0 would become an infinite duration, which would be refused under another name.
+        if !(value > 0.0 && value.is_finite()) {
+            return Err(format!("{field} is {value}, expected a number above 0"));
+        }
+        request.step_duration_s = match field {
+            "step_frequency_hz" => step_duration_from_step_frequency(value),
+            "stride_frequency_hz" => step_duration_from_stride_frequency(value),
+            _ => value,
+        };
+    }
+    for (field, value, target) in [
+        ("clearance_m", &message.clearance_m, &mut request.clearance_m),
+        ("speed_m_s", &message.speed_m_s, &mut request.speed_m_s),
+        ("height_m", &message.height_m, &mut request.height_m),
+        ("half_width_m", &message.half_width_m, &mut request.half_width_m),
+    ] {
+        if let Some(value) = given(field, value)? {
+            *target = value;
+        }
+    }
+    Ok(request)
+}
+
+/// The answer with a gait.
+#[must_use]
+pub fn success(gait: Gait) -> GenerateGaitResponse {
+    GenerateGaitResponse {
+        success: true,
+        status: gait.solver.status.clone(),
+        message: format!("{}: {} iterations in {:.3} s", gait.name, gait.solver.iterations, gait.solver.solve_time_s),
+        gait,
+    }
+}
+
+/// The answer without a gait.
+#[must_use]
+pub fn failure(status: &str, message: String) -> GenerateGaitResponse {
+    GenerateGaitResponse { success: false, status: status.to_string(), message, gait: Gait::default() }
+}
+
+/// The answer to a request that was not planned, with the solver's report where the solver ran.
+#[must_use]
+pub fn plan_error(error: &PlanError, solve_time_s: f64) -> GenerateGaitResponse {
+    let status = match error {
+        PlanError::Request(_) => INVALID_REQUEST.to_string(),
+        PlanError::Unreachable(_) => "unreachable".to_string(),
+        PlanError::NotConverged { status, .. } => status.to_string(),
+        PlanError::Unverified(_) => "unverified".to_string(),
+        PlanError::Gait(_) => "unwalkable".to_string(),
+        PlanError::Model(_) | PlanError::Problem(_) | PlanError::Settings(_) => "internal_error".to_string(),
+    };
+    let mut response = failure(&status, error.to_string());
+    if let PlanError::NotConverged { iterations, worst, log, .. } = error {
+        let last = log.last();
+        response.gait.solver = SolverReport {
+            status,
+            iterations: *iterations,
+            solve_time_s,
+            max_violation: last.map_or(0.0, |iteration| iteration.max_violation),
+            objective: last.map_or(0.0, |iteration| iteration.objective),
+            worst_constraint: worst.clone(),
+        };
+    }
+    response
+}
+
+#[cfg(test)]
+mod tests {
+    use std::path::Path;
+
+    use super::*;
+
+    fn robot() -> Robot {
+        Robot::load(&Path::new(env!("CARGO_MANIFEST_DIR")).join("../../config/robots/vision60"))
+            .expect("the robot loads")
+    }
+
+    fn message(behaviour: &str) -> GenerateGaitRequest {
+        GenerateGaitRequest { behaviour: behaviour.to_string(), ..Default::default() }
+    }
+
+    #[test]
+    fn an_empty_request_is_the_behaviours_own() {
+        let robot = robot();
+        let amble = request(&message("amble"), &robot).unwrap();
+        assert_eq!(amble, GaitRequest::named("amble", &robot).unwrap());
+    }
+
+    #[test]
+    fn given_values_replace_the_behaviours() {
+        let mut m = message("gait1");
+        m.step_frequency_hz = Some(2.5).into();
+        m.clearance_m = Some(0.08).into();
+        m.speed_m_s = Some(0.1).into();
+        m.height_m = Some(0.52).into();
+        m.half_width_m = Some(0.24).into();
+        let r = request(&m, &robot()).unwrap();
+        assert_eq!(
+            (r.step_duration_s, r.clearance_m, r.speed_m_s, r.height_m, r.half_width_m),
+            (0.4, 0.08, 0.1, 0.52, 0.24)
+        );
+        let mut m = message("gait1");
+        m.stride_frequency_hz = Some(2.5).into();
+        assert_eq!(request(&m, &robot()).unwrap().step_duration_s, 0.2);
+    }
+
+    #[test]
+    fn wrong_requests_get_one_clear_sentence() {
+        let robot = robot();
+        type Change = fn(&mut GenerateGaitRequest);
+        let cases: [(&str, Change); 6] = [
+            ("behaviour \"moonwalk\" is unknown", |m| m.behaviour = "moonwalk".into()),
+            ("step_duration_s and stride_frequency_hz are given: expected at most one", |m| {
+                m.step_duration_s = Some(0.3).into();
+                m.stride_frequency_hz = Some(2.0).into();
+            }),
+            ("step_frequency_hz is NaN, expected a number above 0", |m| m.step_frequency_hz = Some(f64::NAN).into()),
+            ("stride_frequency_hz is 0, expected", |m| m.stride_frequency_hz = Some(0.0).into()),
+            ("step_duration_s is inf, expected", |m| m.step_duration_s = Some(f64::INFINITY).into()),
+            ("clearance_m: at most one value expected, got 2", |m| m.clearance_m = Optional(vec![0.1, 0.2])),
+        ];
+        for (expected, change) in cases {
+            let mut m = message("amble");
+            change(&mut m);
+            let error = request(&m, &robot).expect_err(expected);
+            assert!(error.contains(expected), "{error:?} must say {expected:?}");
+        }
+    }
+}
