@@ -208,8 +208,6 @@ messages! { "tandem_msgs";
         objective: f64,
         /// Largest violation of any constraint.
         max_violation: f64,
-        /// Name of the constraint violated most.
-        worst_constraint: String,
         /// Since the start of the solve, s.
         elapsed_s: f64,
     }

@@ -43,6 +43,7 @@
 //!   values of arrays are for the callback to check.
 //! - A request or response needs at least one member: `std_srvs/Trigger`'s request carries the byte that ROS 2 puts there.
 
+mod action;
 mod arguments;
 mod client;
 mod error;
@@ -56,6 +57,7 @@ mod qos;
 mod service;
 mod time;
 
+pub use action::{Goal, GoalEnd};
 pub use arguments::{Arguments, DiscoveryRange};
 pub use client::Client;
 pub use error::{CallError, PublishError, RosError};

@@ -7,17 +7,19 @@ use std::sync::{Arc, Mutex, PoisonError, Weak};
 use std::time::{Duration, Instant};
 
 use futures::StreamExt;
+use ros2_client::action::ActionServerQosPolicies;
 use ros2_client::dds::ServiceMapping;
 use ros2_client::dds::rustdds::DomainParticipantBuilder;
-use ros2_client::{Context, Gid, MessageTypeName, Name, NodeName, NodeOptions, ServiceTypeName};
+use ros2_client::{ActionTypeName, Context, Gid, MessageTypeName, Name, NodeName, NodeOptions, ServiceTypeName};
 use tandem_msgs::builtin_interfaces::Time;
 use tandem_msgs::rcl_interfaces as wire;
 use tandem_msgs::rosgraph_msgs::Clock;
-use tandem_msgs::{Message, Service};
+use tandem_msgs::{Action, Message, Service};
 use tokio::runtime::{Handle, Runtime};
 use tokio::sync::watch;
 use tokio::task::JoinHandle;
 
+use crate::action::{Dispatcher, Goal, GoalEnd};
 use crate::arguments::{Arguments, DiscoveryRange};
 use crate::client::Client;
 use crate::names::{self, Subject};
@@ -366,6 +368,46 @@ impl Node {
             .ok_or_else(|| self.shut_down(&full))?
             .map_err(|error| RosError::Create { what: format!("service {full}"), reason: error.to_string() })?;
         self.spawn(serve::<S>(full, server, options, handler));
+        Ok(())
+    }
+
+    /// An action. One goal runs at a time, on a thread where it may take its time; `waiting` goals may wait behind it, more are
+    /// rejected. The handler looks at [`Goal::is_cancelled`] and ends with [`GoalEnd::Cancelled`] when it is.
+    ///
+    /// # Errors
+    /// A wrong name, or the middleware's reason.
+    pub fn serve_action<A: Action>(
+        &self,
+        action: &str,
+        waiting: usize,
+        handler: impl FnMut(A::Goal, &Goal<A>) -> (GoalEnd, A::Result) + Send + 'static,
+    ) -> Result<(), RosError>
+    where
+        A::Result: Default,
+    {
+        let full = self.core.full_name(action, Subject::Service)?;
+        let name = dds_name(&full)?;
+        let service = Qos::reliable(SERVICE_DEPTH).profile();
+        let qos = ActionServerQosPolicies {
+            goal_service: service.clone(),
+            result_service: service.clone(),
+            cancel_service: service,
+            feedback_publisher: Qos::reliable(100).profile(),
+            status_publisher: Qos::latched().profile(),
+        };
+        let server = self
+            .core
+            .with_node(|node| {
+                node.create_action_server::<Wire<A::Goal>, Wire<A::Result>, Wire<A::Feedback>>(
+                    ServiceMapping::Enhanced,
+                    &name,
+                    &ActionTypeName::new(A::PACKAGE, A::NAME),
+                    qos,
+                )
+            })
+            .ok_or_else(|| self.shut_down(&full))?
+            .map_err(|error| RosError::Create { what: format!("action {full}"), reason: error.to_string() })?;
+        self.spawn(Dispatcher::<A, _>::new(full, server, waiting, handler).run());
         Ok(())
     }
 

@@ -1,8 +1,9 @@
-//! `tandem`: plan gaits, simulate them, look at what happened — without ROS, DDS or a robot.
+//! `tandem`: plan gaits, simulate them, look at what happened — without ROS, DDS or a robot; and walk them with the nodes.
 
 mod plan;
 mod robots;
 mod simulate;
+mod walk;
 
 use clap::{Parser, Subcommand};
 use std::process::ExitCode;
@@ -13,6 +14,7 @@ use std::process::ExitCode;
 ///
 ///   tandem plan amble -o amble.json      plan the paper's amble and write the gait file
 ///   tandem simulate amble.json           walk it in MuJoCo under the paper's PD law
+///   launch-scripts/demo                  the same over ROS 2: planner, controller and simulation as nodes
 #[derive(Parser)]
 #[command(name = "tandem", version, about, verbatim_doc_comment, max_term_width = 110)]
 struct Arguments {
@@ -24,6 +26,7 @@ struct Arguments {
 enum Command {
     Plan(plan::Arguments),
     Simulate(simulate::Arguments),
+    Walk(walk::Arguments),
 }
 
 fn main() -> ExitCode {
@@ -31,6 +34,7 @@ fn main() -> ExitCode {
     let result = match arguments.command {
         Command::Plan(a) => plan::run(&a),
         Command::Simulate(a) => simulate::run(&a),
+        Command::Walk(a) => walk::run(&a),
     };
     match result {
         Ok(code) => code,

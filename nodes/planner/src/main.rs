@@ -8,8 +8,8 @@ use std::time::Duration;
 
 use anyhow::{Context, bail};
 use robot::Robot;
-use ros::{Arguments, Node, Qos, ServeOptions};
-use tandem_msgs::{Gait, GenerateGait};
+use ros::{Arguments, GoalEnd, Node, Publisher, Qos, ServeOptions};
+use tandem_msgs::{Gait, GenerateGait, GenerateGaitAction, GenerateGaitResponse};
 use tandem_planner::planner::Planner;
 use tandem_planner::ports;
 
@@ -57,7 +57,9 @@ fn run() -> anyhow::Result<()> {
     let robot = Robot::load(&folder).with_context(|| format!("robot folder {}", folder.display()))?;
     let planner = Arc::new(Planner::new(robot, Duration::from_secs_f64(time_limit_s.get()), find_nearest.get()));
 
+    let for_action = Arc::clone(&planner);
     let gaits = node.publisher::<Gait>("gait", Qos::latched())?;
+    let by_service = gaits.clone();
     let waiting = usize::try_from(waiting.get())?;
     let busy = move |_: &_| ports::failure(ports::BUSY, format!("{waiting} requests wait already: ask again later"));
     node.serve_with::<GenerateGait>("generate_gait", ServeOptions::bounded(waiting, busy), move |request| {
@@ -72,17 +74,36 @@ fn run() -> anyhow::Result<()> {
             ControlFlow::Continue(())
         });
         response.gait.header.stamp = ros::wall_time();
-        if response.success {
-            tracing::info!("planned {}", response.message);
-            if let Err(error) = gaits.publish(response.gait.clone()) {
-                tracing::error!("{error}");
-            }
-        } else {
-            tracing::warn!("{:?} was not planned: {}: {}", request.behaviour, response.status, response.message);
-        }
+        announce(&request.behaviour, &response, &by_service);
         response
+    })?;
+    node.serve_action::<GenerateGaitAction>("generate_gait", waiting, move |request, goal| {
+        let mut response = for_action.generate(&request, |iteration, elapsed| {
+            goal.feedback(ports::feedback(iteration, elapsed));
+            if goal.is_cancelled() { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
+        });
+        response.gait.header.stamp = ros::wall_time();
+        announce(&request.behaviour, &response, &gaits);
+        let end = match (response.success, goal.is_cancelled()) {
+            (true, _) => GoalEnd::Succeeded,
+            (false, true) => GoalEnd::Cancelled,
+            (false, false) => GoalEnd::Aborted,
+        };
+        (end, response)
     })?;
     tracing::info!("ready");
     node.run();
     Ok(())
+}
+
+/// Says what came of a request, and publishes its gait if there is one.
+fn announce(behaviour: &str, response: &GenerateGaitResponse, gaits: &Publisher<Gait>) {
+    if response.success {
+        tracing::info!("planned {}", response.message);
+        if let Err(error) = gaits.publish(response.gait.clone()) {
+            tracing::error!("{error}");
+        }
+    } else {
+        tracing::warn!("{behaviour:?} was not planned: {}: {}", response.status, response.message);
+    }
 }

@@ -2,7 +2,7 @@
 
 use gait_design::{GaitRequest, PlanError, step_duration_from_step_frequency, step_duration_from_stride_frequency};
 use robot::Robot;
-use tandem_msgs::{Gait, GenerateGaitRequest, GenerateGaitResponse, Optional, SolverReport};
+use tandem_msgs::{Gait, GenerateGaitFeedback, GenerateGaitRequest, GenerateGaitResponse, Optional, SolverReport};
 
 /// `status` of an answer to a request that cannot be meant.
 pub const INVALID_REQUEST: &str = "invalid_request";
@@ -91,6 +91,17 @@ pub fn plan_error(error: &PlanError, solve_time_s: f64) -> GenerateGaitResponse 
         };
     }
     response
+}
+
+/// One iteration of the solver, for those who watch.
+#[must_use]
+pub fn feedback(iteration: &nlp::Iteration, elapsed: std::time::Duration) -> GenerateGaitFeedback {
+    GenerateGaitFeedback {
+        iteration: iteration.number,
+        objective: iteration.objective,
+        max_violation: iteration.max_violation,
+        elapsed_s: elapsed.as_secs_f64(),
+    }
 }
 
 #[cfg(test)]

@@ -1,0 +1,343 @@
+//! Servers of actions: goals queue, one runs at a time, each can be cancelled and tells of its progress.
+
+use std::collections::{BTreeMap, BTreeSet, VecDeque};
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::mpsc::{Sender, channel};
+use std::sync::{Arc, Mutex, PoisonError};
+use std::time::{Duration, Instant};
+
+use ros2_client::RmwRequestId;
+use ros2_client::action::{ActionServer, GetResultResponse, SendGoalResponse};
+use ros2_client::action_msgs::{
+    CancelGoalRequest, CancelGoalResponse, CancelGoalResponseEnum, GoalId, GoalInfo, GoalStatus, GoalStatusArray,
+    GoalStatusEnum,
+};
+use ros2_client::builtin_interfaces;
+use tandem_msgs::{Action, action_msgs};
+use tokio::task::JoinHandle;
+
+use crate::Wire;
+
+/// How often the dispatcher looks for requests. A goal takes longer than this by far.
+const TICK: Duration = Duration::from_millis(10);
+/// How long a result is kept for clients that ask late, as in ROS 2's own servers.
+const RESULT_LIFETIME: Duration = Duration::from_secs(900);
+
+/// How a goal ended.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum GoalEnd {
+    /// Done.
+    Succeeded,
+    /// Failed.
+    Aborted,
+    /// Stopped on request.
+    Cancelled,
+}
+
+/// A goal that runs: what its handler may ask and say.
+pub struct Goal<A: Action> {
+    cancelled: Arc<AtomicBool>,
+    feedback: Sender<A::Feedback>,
+}
+
+impl<A: Action> Goal<A> {
+    /// Whether a client has asked to stop.
+    #[must_use]
+    pub fn is_cancelled(&self) -> bool {
+        self.cancelled.load(Ordering::Relaxed)
+    }
+
+    /// Tells of progress.
+    pub fn feedback(&self, feedback: A::Feedback) {
+        // After the node's end nobody listens.
+        let _ = self.feedback.send(feedback);
+    }
+}
+
+type Endpoint<A> =
+    ActionServer<Wire<<A as Action>::Goal>, Wire<<A as Action>::Result>, Wire<<A as Action>::Feedback>>;
+
+struct Tracked<R> {
+    status: GoalStatusEnum,
+    accepted: builtin_interfaces::Time,
+    cancelled: Arc<AtomicBool>,
+    result: Option<(R, Instant)>,
+    asked: Vec<RmwRequestId>,
+}
+
+struct Running<A: Action> {
+    id: GoalId,
+    job: JoinHandle<(GoalEnd, A::Result)>,
+    feedback: std::sync::mpsc::Receiver<A::Feedback>,
+}
+
+/// The one dispatcher of an action's goals, cancels and results.
+pub(crate) struct Dispatcher<A: Action, H> {
+    name: String,
+    server: Endpoint<A>,
+    waiting_limit: usize,
+    handler: Arc<Mutex<H>>,
+    goals: BTreeMap<GoalId, Tracked<A::Result>>,
+    waiting: VecDeque<(GoalId, A::Goal)>,
+    running: Option<Running<A>>,
+}
+
+fn now() -> builtin_interfaces::Time {
+    let time = crate::wall_time();
+    builtin_interfaces::Time::new(time.sec, time.nanosec)
+}
+
+fn is_over(status: GoalStatusEnum) -> bool {
+    matches!(status, GoalStatusEnum::Succeeded | GoalStatusEnum::Aborted | GoalStatusEnum::Canceled)
+}
+
+/// What a cancel request names. The middleware keeps that field to itself; the same bytes are ours to read.
+fn cancel_target(request: &CancelGoalRequest) -> Result<action_msgs::GoalInfo, String> {
+    let bytes = cdr_encoding::to_vec::<_, byteorder::LittleEndian>(request).map_err(|error| error.to_string())?;
+    cdr_encoding::from_bytes::<action_msgs::GoalInfo, byteorder::LittleEndian>(&bytes)
+        .map(|(info, _)| info)
+        .map_err(|error| error.to_string())
+}
+
+impl<A, H> Dispatcher<A, H>
+where
+    A: Action,
+    A::Result: Default,
+    H: FnMut(A::Goal, &Goal<A>) -> (GoalEnd, A::Result) + Send + 'static,
+{
+    pub(crate) fn new(name: String, server: Endpoint<A>, waiting_limit: usize, handler: H) -> Self {
+        Dispatcher {
+            name,
+            server,
+            waiting_limit,
+            handler: Arc::new(Mutex::new(handler)),
+            goals: BTreeMap::new(),
+            waiting: VecDeque::new(),
+            running: None,
+        }
+    }
+
+    pub(crate) async fn run(mut self) {
+        let mut ticks = tokio::time::interval(TICK);
+        ticks.set_missed_tick_behavior(tokio::time::MissedTickBehavior::Skip);
+        loop {
+            ticks.tick().await;
+            self.take_goals();
+            self.take_cancels();
+            self.take_result_requests();
+            self.pass_feedback();
+            if self.running.as_ref().is_some_and(|running| running.job.is_finished()) {
+                self.finish().await;
+            }
+            self.start_next();
+            self.goals.retain(|_, goal| {
+                goal.result.as_ref().is_none_or(|(_, since)| since.elapsed() < RESULT_LIFETIME)
+            });
+        }
+    }
+
+    fn warn(&self, what: &str, error: &impl std::fmt::Display) {
+        tracing::warn!("action {}: {what}: {error}", self.name);
+    }
+
+    fn take_goals(&mut self) {
+        loop {
+            let (request_id, request) = match self.server.receive_goal() {
+                Ok(Some(request)) => request,
+                Ok(None) => return,
+                Err(error) => {
+                    self.warn("a goal could not be read", &error);
+                    continue;
+                }
+            };
+            let busy = self.running.is_some() && self.waiting.len() >= self.waiting_limit;
+            let accepted = !busy && !self.goals.contains_key(&request.goal_id);
+            let stamp = now();
+            if let Err(error) = self.server.send_goal_response(request_id, SendGoalResponse { accepted, stamp }) {
+                self.warn("a goal could not be answered", &error);
+            }
+            if !accepted {
+                tracing::warn!("action {}: a goal is rejected: {} others wait", self.name, self.waiting.len());
+                continue;
+            }
+            self.goals.insert(
+                request.goal_id,
+                Tracked {
+                    status: GoalStatusEnum::Accepted,
+                    accepted: stamp,
+                    cancelled: Arc::new(AtomicBool::new(false)),
+                    result: None,
+                    asked: Vec::new(),
+                },
+            );
+            let Wire(goal) = request.goal;
+            self.waiting.push_back((request.goal_id, goal));
+            self.publish_status();
+        }
+    }
+
+    fn take_cancels(&mut self) {
+        loop {
+            let (request_id, request) = match self.server.receive_cancel_request() {
+                Ok(Some(request)) => request,
+                Ok(None) => return,
+                Err(error) => {
+                    self.warn("a cancel request could not be read", &error);
+                    continue;
+                }
+            };
+            let response = match cancel_target(&request) {
+                Ok(target) => self.cancel(&target),
+                Err(error) => {
+                    self.warn("a cancel request could not be read", &error);
+                    CancelGoalResponse { return_code: CancelGoalResponseEnum::Rejected, goals_canceling: Vec::new() }
+                }
+            };
+            if let Err(error) = self.server.send_cancel_response(request_id, response) {
+                self.warn("a cancel request could not be answered", &error);
+            }
+            self.publish_status();
+        }
+    }
+
+    /// An id alone names one goal; a time alone all accepted until then; both: either; neither: all.
+    fn cancel(&mut self, target: &action_msgs::GoalInfo) -> CancelGoalResponse {
+        let no_id = target.goal_id.uuid == [0; 16];
+        let until = target.stamp.nanoseconds();
+        let named = |id: &GoalId| id.uuid.as_bytes() == &target.goal_id.uuid;
+        let mut goals_canceling = Vec::new();
+        let mut terminated = false;
+        let mut ended = Vec::new();
+        for (id, goal) in &mut self.goals {
+            let early = until != 0 && goal.accepted.to_nanos() <= until;
+            if !(named(id) || early || (no_id && until == 0)) {
+                continue;
+            }
+            if is_over(goal.status) {
+                terminated |= named(id);
+                continue;
+            }
+            goal.cancelled.store(true, Ordering::Relaxed);
+            goal.status = GoalStatusEnum::Canceling;
+            goals_canceling.push(GoalInfo { goal_id: *id, stamp: goal.accepted });
+            if self.waiting.iter().any(|(waiting, _)| waiting == id) {
+                ended.push(*id);
+            }
+        }
+        let ended: BTreeSet<GoalId> = ended.into_iter().collect();
+        self.waiting.retain(|(id, _)| !ended.contains(id));
+        for id in ended {
+            self.conclude(id, GoalEnd::Cancelled, A::Result::default());
+        }
+        let return_code = match (goals_canceling.is_empty(), terminated) {
+            (false, _) => CancelGoalResponseEnum::None,
+            (true, true) => CancelGoalResponseEnum::GoalTerminated,
+            (true, false) => CancelGoalResponseEnum::UnknownGoal,
+        };
+        CancelGoalResponse { return_code, goals_canceling }
+    }
+
+    fn take_result_requests(&mut self) {
+        loop {
+            let (request_id, request) = match self.server.receive_result_request() {
+                Ok(Some(request)) => request,
+                Ok(None) => return,
+                Err(error) => {
+                    self.warn("a result request could not be read", &error);
+                    continue;
+                }
+            };
+            match self.goals.get_mut(&request.goal_id) {
+                Some(goal) => {
+                    goal.asked.push(request_id);
+                    self.send_results(request.goal_id);
+                }
+                None => self.respond(request_id, GoalStatusEnum::Unknown, A::Result::default()),
+            }
+        }
+    }
+
+    fn respond(&self, request_id: RmwRequestId, status: GoalStatusEnum, result: A::Result) {
+        if let Err(error) = self.server.send_result(request_id, GetResultResponse { status, result: Wire(result) }) {
+            self.warn("a result could not be sent", &error);
+        }
+    }
+
+    fn send_results(&mut self, id: GoalId) {
+        let Some(goal) = self.goals.get_mut(&id) else { return };
+        let Some((result, _)) = &goal.result else { return };
+        let (status, result, asked) = (goal.status, result.clone(), std::mem::take(&mut goal.asked));
+        for request_id in asked {
+            self.respond(request_id, status, result.clone());
+        }
+    }
+
+    fn pass_feedback(&mut self) {
+        let Some(running) = &self.running else { return };
+        for feedback in running.feedback.try_iter() {
+            if let Err(error) = self.server.send_feedback(running.id, Wire(feedback)) {
+                self.warn("feedback could not be sent", &error.forget_data());
+            }
+        }
+    }
+
+    async fn finish(&mut self) {
+        // What the handler said last comes before its result.
+        self.pass_feedback();
+        let Some(running) = self.running.take() else { return };
+        let (end, result) = match running.job.await {
+            Ok(ended) => ended,
+            Err(error) => {
+                tracing::error!("action {}: the handler failed: {error}", self.name);
+                (GoalEnd::Aborted, A::Result::default())
+            }
+        };
+        self.conclude(running.id, end, result);
+        self.publish_status();
+    }
+
+    fn conclude(&mut self, id: GoalId, end: GoalEnd, result: A::Result) {
+        if let Some(goal) = self.goals.get_mut(&id) {
+            goal.status = match end {
+                GoalEnd::Succeeded => GoalStatusEnum::Succeeded,
+                GoalEnd::Aborted => GoalStatusEnum::Aborted,
+                GoalEnd::Cancelled => GoalStatusEnum::Canceled,
+            };
+            goal.result = Some((result, Instant::now()));
+        }
+        self.send_results(id);
+    }
+
+    fn start_next(&mut self) {
+        if self.running.is_some() {
+            return;
+        }
+        let Some((id, request)) = self.waiting.pop_front() else { return };
+        let Some(tracked) = self.goals.get_mut(&id) else { return };
+        tracked.status = GoalStatusEnum::Executing;
+        let (sender, feedback) = channel();
+        let goal = Goal { cancelled: Arc::clone(&tracked.cancelled), feedback: sender };
+        let handler = Arc::clone(&self.handler);
+        let job = tokio::task::spawn_blocking(move || {
+            // A handler that panicked once may be called again: it owns its consistency.
+            let mut handler = handler.lock().unwrap_or_else(PoisonError::into_inner);
+            (*handler)(request, &goal)
+        });
+        self.running = Some(Running { id, job, feedback });
+        self.publish_status();
+    }
+
+    fn publish_status(&self) {
+        let status_list = self
+            .goals
+            .iter()
+            .map(|(id, goal)| GoalStatus {
+                goal_info: GoalInfo { goal_id: *id, stamp: goal.accepted },
+                status: goal.status,
+            })
+            .collect();
+        if let Err(error) = self.server.send_goal_statuses(GoalStatusArray { status_list }) {
+            self.warn("the status could not be sent", &error.forget_data());
+        }
+    }
+}

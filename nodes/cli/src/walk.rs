@@ -1,0 +1,350 @@
+//! `tandem walk`: a client of the three nodes. It asks for gaits, lets the robot walk them, watches, records and reports.
+
+mod watch;
+
+use crate::robots::RobotArguments;
+use anyhow::{Context, Result, bail};
+use gait::Gait;
+use robot::Robot;
+use ros::{Client, Node};
+use std::path::{Path, PathBuf};
+use std::process::ExitCode;
+use std::time::{Duration, Instant};
+use tandem_msgs::std_srvs::{Trigger, TriggerRequest};
+use tandem_msgs::{GenerateGait, GenerateGaitRequest};
+use tandem_sim_bridge::measure::WalkFigures;
+use tandem_sim_bridge::pictures::Studio;
+use tandem_sim_bridge::simulator::SimulatorOptions;
+use watch::{Outcome, Watch};
+
+/// A service's answer is waited for so long; a plan may take the planner's own time limit.
+const SERVICE_PATIENCE: Duration = Duration::from_secs(10);
+const PLAN_PATIENCE: Duration = Duration::from_secs(60);
+/// Wall time in which a change of mode must come.
+const MODE_PATIENCE: Duration = Duration::from_secs(40);
+/// Wall time without a joint state after which the robot counts as gone.
+const SILENCE: Duration = Duration::from_secs(10);
+
+/// Ask the running nodes for gaits and walk them, with a record of everything
+///
+/// For each gait: calls the planner's service generate_gait, puts the robot down, arms it, lets it stand, walk for the time
+/// given, stop and sit, and writes the gait file, a rosbag2 bag of all topics, phase portraits, torques, time series,
+/// footfalls and tiles of a step. Then prints what came out beside the paper's Table II. Ends with an error code if the
+/// robot fell. The planner, the controller and the simulation bridge must run in the same ROS domain and namespace:
+/// launch-scripts/demo starts all of them.
+///
+///   tandem walk gait1 amble --seconds 20 --out out/demo
+#[derive(clap::Args)]
+#[command(verbatim_doc_comment)]
+pub struct Arguments {
+    /// gait1, gait2, gait3, gait4 or amble
+    #[arg(required = true, value_name = "GAIT")]
+    gaits: Vec<String>,
+    /// Walking time of each gait, s of the robot's time
+    #[arg(long, value_name = "S", default_value_t = 20.0)]
+    seconds: f64,
+    /// Folder for files, one folder in it for each gait
+    #[arg(long, value_name = "FOLDER")]
+    out: PathBuf,
+    /// Namespace of the nodes
+    #[arg(long, default_value = "/")]
+    namespace: String,
+    #[command(flatten)]
+    robot: RobotArguments,
+}
+
+/// Runs the subcommand.
+pub fn run(arguments: &Arguments) -> Result<ExitCode> {
+    if !(1.0..=36_000.0).contains(&arguments.seconds) {
+        bail!("--seconds is {}, expected 1 to 36000", arguments.seconds);
+    }
+    let robot = arguments.robot.load()?;
+    std::fs::create_dir_all(&arguments.out)
+        .with_context(|| format!("cannot make the folder {}", arguments.out.display()))?;
+    let remap = format!("__ns:={}", arguments.namespace);
+    let (ros_arguments, _) =
+        ros::Arguments::parse(["tandem", "--ros-args", "-r", &remap].map(String::from), |name| std::env::var(name).ok())?;
+    let node = Node::start("tandem_walk", &ros_arguments)?;
+    let session = Session::new(&node, &robot)?;
+    let mut done = Vec::new();
+    for name in &arguments.gaits {
+        match session.walk(name, arguments.seconds, &arguments.out.join(name)) {
+            Ok(walked) => done.push(walked),
+            // The gaits before are still told of.
+            Err(error) => {
+                print!("{}", summary(&robot, &done));
+                // Leaves in order; a robot that walks is asked to stop.
+                session.leave();
+                return Err(error.context(name.clone()));
+            }
+        }
+    }
+    let text = summary(&robot, &done);
+    print!("{text}");
+    write(&arguments.out.join("summary.txt"), text.as_bytes())?;
+    let json = serde_json::to_string_pretty(&done.iter().map(Walked::json).collect::<Vec<_>>())? + "\n";
+    write(&arguments.out.join("summary.json"), json.as_bytes())?;
+    println!("\nfiles are in {}", arguments.out.display());
+    node.shutdown();
+    Ok(if done.iter().all(|walked| walked.outcome.upright()) { ExitCode::SUCCESS } else { ExitCode::FAILURE })
+}
+
+/// The clients of the nodes' services, and the eyes on their topics.
+struct Session<'a> {
+    node: &'a Node,
+    robot: &'a Robot,
+    watch: Watch,
+    generate: Client<GenerateGait>,
+    triggers: Vec<Client<Trigger>>,
+}
+
+const TRIGGERS: [&str; 7] = ["reset", "arm", "stand", "walk", "stop", "sit", "disarm"];
+
+impl<'a> Session<'a> {
+    fn new(node: &'a Node, robot: &'a Robot) -> Result<Self> {
+        Ok(Self {
+            node,
+            robot,
+            watch: Watch::new(node, robot)?,
+            generate: node.client("generate_gait")?,
+            triggers: TRIGGERS.iter().map(|service| node.client(service)).collect::<Result<_, _>>()?,
+        })
+    }
+
+    /// Calls one of the services without arguments; a refusal is an error.
+    fn trigger(&self, service: &str) -> Result<()> {
+        let index = TRIGGERS.iter().position(|name| *name == service).expect("one of the list");
+        let response = self.triggers[index].call(TriggerRequest::default(), SERVICE_PATIENCE)?;
+        if !response.success {
+            bail!("{service} was refused: {}", response.message);
+        }
+        Ok(())
+    }
+
+    /// Waits for a mode of the controller. A fault, a fall and silence end the waiting with an error.
+    fn wait_for_mode(&self, mode: &str) -> Result<()> {
+        let deadline = Instant::now() + MODE_PATIENCE;
+        loop {
+            self.check_for_end()?;
+            let state = self.watch.controller();
+            if state.as_ref().is_some_and(|state| state.mode == mode) {
+                return Ok(());
+            }
+            if let Some(state) = &state
+                && !state.fault.is_empty()
+            {
+                bail!("the controller stopped: {} ({})", state.fault, state.mode);
+            }
+            if Instant::now() >= deadline {
+                let now = state.map_or("nothing was heard of it".into(), |state| format!("it is {}", state.mode));
+                bail!("the controller was not {mode} within {} s: {now}", MODE_PATIENCE.as_secs());
+            }
+            std::thread::sleep(Duration::from_millis(5));
+        }
+    }
+
+    fn check_for_end(&self) -> Result<()> {
+        if self.node.stop().is_requested() {
+            bail!("interrupted");
+        }
+        if let Some(silent) = self.watch.silence()
+            && silent > SILENCE
+        {
+            bail!("no joint state for {silent:.1?}: is the simulation (or the robot) still running?");
+        }
+        Ok(())
+    }
+
+    /// Asks a walking robot to stop; says nothing if nobody listens any more.
+    fn leave(&self) {
+        if self.watch.controller().is_some_and(|state| state.mode == "walking") {
+            let stop = TRIGGERS.iter().position(|name| *name == "stop").expect("one of the list");
+            let _ = self.triggers[stop].call(TriggerRequest::default(), Duration::from_secs(1));
+        }
+    }
+
+    fn walk(&self, name: &str, seconds: f64, folder: &Path) -> Result<Walked> {
+        println!("{name}: asking the planner");
+        let asked = Instant::now();
+        let request = GenerateGaitRequest { behaviour: name.into(), ..Default::default() };
+        let response = self.generate.call(request, PLAN_PATIENCE)?;
+        if !response.success {
+            bail!("no gait: {}: {}", response.status, response.message);
+        }
+        let gait = response.gait.to_gait()?;
+        println!(
+            "{name}: planned in {:.3} s and {} iterations (answer after {:.3} s)",
+            gait.solver.solve_time_s,
+            gait.solver.iterations,
+            asked.elapsed().as_secs_f64()
+        );
+        if folder.exists() {
+            std::fs::remove_dir_all(folder).with_context(|| format!("cannot replace {}", folder.display()))?;
+        }
+        std::fs::create_dir_all(folder).with_context(|| format!("cannot make the folder {}", folder.display()))?;
+        write(&folder.join("gait.json"), gait.to_json().as_bytes())?;
+
+        self.trigger("reset")?;
+        self.watch.begin(&gait, &folder.join("bag"))?;
+        self.trigger("arm")?;
+        println!("{name}: standing up");
+        self.trigger("stand")?;
+        self.wait_for_mode("standing")?;
+        let loaded = self.watch.controller().map(|state| state.gait).unwrap_or_default();
+        if loaded != gait.name {
+            bail!("the controller has the gait {loaded:?}, expected {:?}: see its log", gait.name);
+        }
+        self.trigger("walk")?;
+        self.wait_for_mode("walking")?;
+        let outcome = self.walk_on(name, seconds)?;
+        if outcome.upright() {
+            println!("\r{name}: stopping and sitting down          ");
+            self.trigger("stop")?;
+            self.wait_for_mode("standing")?;
+            self.trigger("sit")?;
+            self.wait_for_mode("disarmed").or_else(|_| self.trigger("disarm"))?;
+        } else {
+            println!("\r{name}: {outcome}          ");
+        }
+        let recorded = self.watch.end()?;
+        let mut walked = Walked {
+            figures: recorded.figures,
+            outcome,
+            controller: recorded.controller,
+            lost_states: recorded.lost_states,
+            bag: recorded.bag,
+            problems: Vec::new(),
+            gait,
+        };
+        println!("{name}: drawing");
+        walked.draw(self.robot, folder, &recorded.samples, recorded.walking_from_s)?;
+        // What was found about the fall is cleared with the next arming; faults stay until they are cleared by name.
+        Ok(walked)
+    }
+
+    /// Watches until the time is over or the robot has fallen.
+    fn walk_on(&self, name: &str, seconds: f64) -> Result<Outcome> {
+        let mut shown = 0;
+        loop {
+            self.check_for_end()?;
+            if let Some(outcome) = self.watch.outcome(seconds) {
+                return Ok(outcome);
+            }
+            let walked = self.watch.walked_s();
+            if walked as u64 > shown {
+                shown = walked as u64;
+                print!("\r{name}: walking, {shown} of {seconds:.0} s ");
+                std::io::Write::flush(&mut std::io::stdout())?;
+            }
+            std::thread::sleep(Duration::from_millis(10));
+        }
+    }
+}
+
+/// One gait walked.
+struct Walked {
+    gait: Gait,
+    outcome: Outcome,
+    figures: WalkFigures,
+    controller: tandem_msgs::ControllerState,
+    lost_states: u64,
+    bag: bag::Summary,
+    /// Why there are no pictures, where there are none.
+    problems: Vec<String>,
+}
+
+impl Walked {
+    fn draw(&mut self, robot: &Robot, folder: &Path, samples: &[report::Sample], walking_from_s: f64) -> Result<()> {
+        // A fall in the first steps, or a machine without OpenGL, leaves less to show. The walk itself is still told.
+        let mut tiles = Vec::new();
+        let options = SimulatorOptions::default();
+        let filmed = Studio::new(robot, &options, &self.gait, samples, walking_from_s).and_then(|mut studio| {
+            tiles = studio.tiles()?;
+            studio.animation()
+        });
+        match filmed {
+            Ok(animation) => write(&folder.join("walk.png"), &animation)?,
+            Err(problem) => self.problems.push(problem.to_string()),
+        }
+        let run = report::Run {
+            gait: &self.gait,
+            origin: report::Origin::Simulated,
+            samples,
+            walking_from_s,
+            tiles: &tiles,
+        };
+        match report::render_run(folder, &run) {
+            Ok(_) => {}
+            Err(problem @ report::ReportError::TooLittle { .. }) => self.problems.push(problem.to_string()),
+            Err(problem) => return Err(problem.into()),
+        }
+        Ok(())
+    }
+
+    fn json(&self) -> serde_json::Value {
+        serde_json::json!({
+            "gait": self.gait.name,
+            "plan": self.gait.solver,
+            "upright": self.outcome.upright(),
+            "outcome": self.outcome.to_string(),
+            "speed_asked_m_s": self.gait.speed_m_s(),
+            "figures": self.figures,
+            "cycles": self.controller.cycles,
+            "missed_cycles": self.controller.missed_cycles,
+            "stale_inputs": self.controller.stale_inputs,
+            "lost_states": self.lost_states,
+            "bag_messages": self.bag.written(),
+            "bag_dropped": self.bag.dropped(),
+            "problems": self.problems,
+        })
+    }
+}
+
+/// The table at the end.
+fn summary(robot: &Robot, done: &[Walked]) -> String {
+    let mut text = format!("\n{}\n", robot.name);
+    let row3 = |name: &str, [roll, pitch, knee]: [f64; 3]| format!("  {name:28}{roll:10.2}{pitch:11.2}{knee:8.2}\n");
+    for walked in done {
+        let (gait, f) = (&walked.gait, &walked.figures);
+        let solver = &gait.solver;
+        text += &format!(
+            "{}: {}\n  planned in {:.3} s and {} iterations ({}, cost {:.6}, largest violation {:.1e})\n",
+            gait.name,
+            walked.outcome,
+            solver.solve_time_s,
+            solver.iterations,
+            solver.status,
+            solver.objective,
+            solver.max_violation
+        );
+        text += &format!(
+            "  speed asked {:.3} m/s, got {:.3} m/s ahead and {:.3} m/s to the left, turned {:.1} deg\n",
+            gait.speed_m_s(),
+            f.speed_m_s,
+            f.lateral_speed_m_s,
+            f.turned_deg
+        );
+        text += "  mean |torque|, Nm             hip roll  hip pitch    knee\n";
+        text += &row3("here", f.mean_abs_torque_nm.into());
+        if let Some(paper) = report::table_two(&gait.name) {
+            text += &row3("the paper's MuJoCo", paper.mujoco_nm);
+            text += &row3("the paper's experiment", paper.experiment_nm);
+        }
+        text += &format!(
+            "  {} control cycles, {} missed, {} with a stale state; {} joint states lost on the way here\n",
+            walked.controller.cycles,
+            walked.controller.missed_cycles,
+            walked.controller.stale_inputs,
+            walked.lost_states
+        );
+        text += &format!("  bag: {} messages, {} dropped\n", walked.bag.written(), walked.bag.dropped());
+        for problem in &walked.problems {
+            text += &format!("  {problem}\n");
+        }
+    }
+    text
+}
+
+fn write(file: &Path, bytes: &[u8]) -> Result<()> {
+    std::fs::write(file, bytes).with_context(|| format!("cannot write {}", file.display()))
+}

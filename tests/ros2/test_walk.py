@@ -1,0 +1,238 @@
+"""End to end over DDS in lockstep: a real rclpy client asks for gaits and watches the robot walk them."""
+
+import json
+import math
+import time
+
+import pytest
+from conftest import Client, wait_until
+
+JOINTS = [
+    f"{leg}_{joint}"
+    for leg in ("front_left", "rear_left", "front_right", "rear_right")
+    for joint in ("hip_roll", "hip_pitch", "knee")
+]
+# The paper's Table II, MuJoCo: mean |knee torque|, Nm.
+KNEE_TORQUE_NM = {"gait1": 18.49, "amble": 19.03}
+
+
+def best_effort(depth=1000):
+    from rclpy.qos import QoSProfile, ReliabilityPolicy
+
+    return QoSProfile(depth=depth, reliability=ReliabilityPolicy.BEST_EFFORT)
+
+
+def latched():
+    from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
+
+    return QoSProfile(depth=1, reliability=ReliabilityPolicy.RELIABLE, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+
+
+def seconds(stamp):
+    return stamp.sec + 1e-9 * stamp.nanosec
+
+
+class Robot:
+    """The three nodes in a namespace, and what is heard of them."""
+
+    def __init__(self, processes, ros, namespace, planner=True, parameters=()):
+        from nav_msgs.msg import Odometry
+        from sensor_msgs.msg import JointState
+        from tandem_msgs.msg import ControllerState, Gait
+
+        self.namespace = namespace
+        remap = ["--ros-args", "-r", f"__ns:={namespace}"]
+        self.nodes = []
+        if planner:
+            self.nodes.append(processes("tandem_planner", *remap))
+        self.nodes.append(processes("tandem_controller", *remap, "-p", "mode:=lockstep"))
+        self.nodes.append(
+            processes("tandem_sim_bridge", *remap, "-p", "mode:=lockstep", "-p", "start_paused:=true",
+                      "-p", "lockstep_timeout_s:=60.0", *[part for p in parameters for part in ("-p", p)])
+        )
+        self.client = Client("tester" + namespace.replace("/", "_"))
+        self.odometry, self.torques, self.states, self.gaits = [], [], [], []
+        node = self.client.node
+        node.create_subscription(Odometry, f"{namespace}/odom", self.odometry.append, best_effort())
+        node.create_subscription(ControllerState, f"{namespace}/controller_state", self.states.append, 100)
+        node.create_subscription(Gait, f"{namespace}/gait", self.gaits.append, latched())
+        # Every message decoded at more than 1 kHz would make the test the slowest part.
+        self.joint_names = None
+
+        def joints(message):
+            self.joint_names = message.name
+            self.torques.append((seconds(message.header.stamp), [abs(value) for value in message.effort]))
+
+        node.create_subscription(JointState, f"{namespace}/joint_states", joints, best_effort())
+
+    def service(self, type_, name):
+        return self.client.service(type_, f"{self.namespace}/{name}")
+
+    def trigger(self, name):
+        from std_srvs.srv import Trigger
+
+        response = self.client.call(self.service(Trigger, name), Trigger.Request())
+        assert response.success, f"{name}: {response.message}"
+
+    def pause(self, paused):
+        from std_srvs.srv import SetBool
+
+        assert self.client.call(self.service(SetBool, "pause"), SetBool.Request(data=paused)).success
+
+    def generate(self, **fields):
+        from tandem_msgs.srv import GenerateGait
+
+        return self.client.call(self.service(GenerateGait, "generate_gait"), GenerateGait.Request(**fields), 60)
+
+    def mode(self):
+        return self.states[-1].mode if self.states else None
+
+    def time(self):
+        return seconds(self.odometry[-1].header.stamp) if self.odometry else 0.0
+
+    def check(self):
+        for node in self.nodes:
+            assert node.alive(), f"{node.process.args[0]} ended:\n{node.text()}"
+        assert not (self.states and self.states[-1].fault), self.states[-1]
+
+    def wait(self, condition, wall_seconds, what):
+        def checked():
+            self.check()
+            return condition()
+
+        return wait_until(checked, wall_seconds, lambda: f"{what}; mode {self.mode()}, time {self.time():.2f} s")
+
+    def close(self):
+        self.client.close()
+        for node in reversed(self.nodes):
+            assert node.stop() == 0, node.text()
+
+
+@pytest.fixture(scope="module")
+def robot(processes, ros):
+    robot = Robot(processes, ros, "")
+    yield robot
+    robot.close()
+
+
+def upright(odometry):
+    q = odometry.pose.pose.orientation
+    return 1 - 2 * (q.x * q.x + q.y * q.y) > math.cos(0.8) and odometry.pose.pose.position.z > 0.35
+
+
+@pytest.mark.parametrize("name", ["gait1", "amble"])
+def test_a_gait_asked_for_over_the_service_walks_for_twenty_seconds(robot, name):
+    response = robot.generate(behaviour=name)
+    assert response.success and response.status == "converged", response.message
+    gait = response.gait
+    assert (gait.version, gait.robot, gait.name, gait.bezier_degree) == (1, "vision60", name, 5)
+    assert list(gait.joint_names) == JOINTS
+    assert len(gait.coefficients_rad) == len(gait.reference_coefficients_rad) == 72
+    assert (list(gait.mirror_leg), list(gait.mirror_sign)) == ([2, 3, 0, 1], [-1.0, 1.0, 1.0])
+    asked = {"gait1": (1 / 2.5, 0.0), "amble": (1 / 2.83, 0.35)}[name]
+    assert gait.step_duration_s == pytest.approx(asked[0], rel=0.0101), "within the planner's tolerance of 1 %"
+    assert gait.step_length_m == pytest.approx(asked[1] * gait.step_duration_s, abs=1e-6)
+    assert gait.solver.status == "converged" and 0 < gait.solver.iterations < 100
+    assert gait.solver.max_violation <= 1e-5 and 0 < gait.solver.solve_time_s < 4
+    assert json.loads(gait.request_json)["behaviour"] == name
+    # The latched topic carries the same gait.
+    robot.wait(lambda: robot.gaits and robot.gaits[-1] == gait, 10, "the gait on its topic")
+
+    robot.pause(False)
+    robot.trigger("reset")
+    robot.trigger("arm")
+    robot.trigger("stand")
+    robot.wait(lambda: robot.mode() == "standing", 60, "standing")
+    robot.trigger("walk")
+    robot.wait(lambda: robot.mode() == "walking", 60, "walking")
+    assert robot.states[-1].gait == name
+    began = robot.time()
+    robot.odometry.clear()
+    robot.torques.clear()
+    robot.wait(lambda: robot.time() > began + 20, 120, "20 s of walking")
+    robot.pause(True)
+    walk = list(robot.odometry)
+    assert robot.mode() == "walking"
+    assert all(upright(message) for message in walk), "it fell"
+    assert list(robot.joint_names) == JOINTS
+
+    settled = [message for message in walk if seconds(message.header.stamp) > began + 10]
+    first, last = settled[0], settled[-1]
+    duration = seconds(last.header.stamp) - seconds(first.header.stamp)
+    moved = [getattr(last.pose.pose.position, axis) - getattr(first.pose.pose.position, axis) for axis in "xy"]
+    speed = math.hypot(*moved) / duration
+    if name == "amble":
+        assert speed == pytest.approx(0.35, rel=0.10)
+    else:
+        assert speed <= 0.03
+    knees = [torque for when, torques in robot.torques if when > began + 2 for torque in torques[2::3]]
+    mean = sum(knees) / len(knees)
+    print(f"{name}: {speed:.3f} m/s, mean |knee torque| {mean:.2f} Nm")
+    assert mean == pytest.approx(KNEE_TORQUE_NM[name], rel=0.12)
+
+    robot.pause(False)
+    robot.trigger("stop")
+    robot.wait(lambda: robot.mode() == "standing", 60, "standing")
+    robot.trigger("sit")
+    robot.wait(lambda: robot.mode() == "disarmed" or (robot.trigger("disarm") is None), 60, "disarmed")
+
+
+@pytest.mark.parametrize(
+    "fields, expected",
+    [
+        ({"behaviour": "moonwalk"}, "gait1, gait2, gait3, gait4, amble"),
+        ({"behaviour": "amble", "speed_m_s": [5.0]}, "speed_m_s is 5"),
+        ({"behaviour": "amble", "speed_m_s": [math.nan]}, "speed_m_s is NaN"),
+        ({"behaviour": "gait1", "clearance_m": [0.4]}, "clearance_m"),
+        ({"behaviour": "gait1", "step_duration_s": [0.3], "step_frequency_hz": [3.0]}, "at most one"),
+        ({"behaviour": "gait1", "step_frequency_hz": [0.0]}, "step_frequency_hz is 0"),
+    ],
+)
+def test_a_bad_request_gets_one_clear_answer(robot, fields, expected):
+    response = robot.generate(**fields)
+    assert not response.success and response.status == "invalid_request"
+    assert expected in response.message and "\n" not in response.message
+
+
+def test_a_gait_file_cut_in_half_is_refused(robot):
+    from tandem_msgs.srv import LoadGait
+
+    load = robot.service(LoadGait, "load_gait")
+    whole = json.dumps({"format": "tandem-gait", "version": 1, "robot": "vision60"})
+    response = robot.client.call(load, LoadGait.Request(json=whole[: len(whole) // 2]))
+    assert not response.success and "Is it whole?" in response.message
+
+
+def test_the_same_run_twice_is_the_same_to_the_bit(processes, ros):
+    """All requests while time stands still, then 4 s; another controller, another bridge, the same again."""
+
+    def run(namespace):
+        robot = Robot(processes, ros, namespace, parameters=["seed:=7", "joint_noise_rad:=0.02"])
+        response = robot.generate(behaviour="amble")
+        assert response.success, response.message
+        wait_until(lambda: 'gait "amble"' in robot.nodes[1].text(), 10, "the controller has the gait")
+        for request in ("reset", "arm", "stand", "walk"):
+            robot.trigger(request)
+        robot.odometry.clear()
+        robot.pause(False)
+        robot.wait(lambda: robot.time() > 8, 120, "8 s")
+        robot.pause(True)
+        time.sleep(0.2)
+        assert robot.mode() == "walking"
+        trajectory = {}
+        for message in robot.odometry:
+            pose, twist = message.pose.pose, message.twist.twist
+            trajectory[seconds(message.header.stamp)] = (
+                pose.position.x, pose.position.y, pose.position.z,
+                pose.orientation.x, pose.orientation.y, pose.orientation.z, pose.orientation.w,
+                twist.linear.x, twist.linear.y, twist.linear.z, twist.angular.x, twist.angular.y, twist.angular.z,
+            )  # fmt: skip
+        robot.close()
+        return trajectory
+
+    first, second = run("/first"), run("/second")
+    common = sorted(stamp for stamp in first.keys() & second.keys() if stamp <= 8)
+    assert len(common) > 300, f"{len(common)} of 400 messages were heard both times"
+    different = [stamp for stamp in common if first[stamp] != second[stamp]]
+    assert not different, f"the runs part at {different[0]} s"
+    assert max(first[stamp][0] for stamp in common) > 0.3, "it walked"
