@@ -76,7 +76,8 @@ pub fn plan_error(error: &PlanError, solve_time_s: f64) -> GenerateGaitResponse 
         PlanError::NotConverged { status, .. } => status.to_string(),
         PlanError::Unverified(_) => "unverified".to_string(),
         PlanError::Gait(_) => "unwalkable".to_string(),
-        PlanError::Model(_) | PlanError::Problem(_) | PlanError::Settings(_) => "internal_error".to_string(),
+        // The robot's description or the program itself is at fault, not the request.
+        PlanError::Robot(_) | PlanError::Problem(_) | PlanError::Settings(_) => "internal_error".to_string(),
     };
     let mut response = failure(&status, error.to_string());
     if let PlanError::NotConverged { iterations, worst, log, .. } = error {
