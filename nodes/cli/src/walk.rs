@@ -22,6 +22,8 @@ const SERVICE_PATIENCE: Duration = Duration::from_secs(10);
 const PLAN_PATIENCE: Duration = Duration::from_secs(60);
 /// Wall time in which a change of mode must come.
 const MODE_PATIENCE: Duration = Duration::from_secs(40);
+/// Wall time in which a robot that was put down must come to rest.
+const REST_PATIENCE: Duration = Duration::from_secs(10);
 /// Wall time without a joint state after which the robot counts as gone.
 const SILENCE: Duration = Duration::from_secs(10);
 
@@ -121,6 +123,19 @@ impl<'a> Session<'a> {
         Ok(())
     }
 
+    /// Arms the robot, once it has come to rest where it was put down.
+    fn arm(&self) -> Result<()> {
+        let deadline = Instant::now() + REST_PATIENCE;
+        while let Err(refusal) = self.trigger("arm") {
+            self.check_for_end()?;
+            if Instant::now() >= deadline {
+                return Err(refusal);
+            }
+            std::thread::sleep(Duration::from_millis(200));
+        }
+        Ok(())
+    }
+
     /// Waits for a mode of the controller. A fault, a fall and silence end the waiting with an error.
     fn wait_for_mode(&self, mode: &str) -> Result<()> {
         let deadline = Instant::now() + MODE_PATIENCE;
@@ -186,7 +201,7 @@ impl<'a> Session<'a> {
 
         self.trigger("reset")?;
         self.watch.begin(&gait, &folder.join("bag"))?;
-        self.trigger("arm")?;
+        self.arm()?;
         println!("{name}: standing up");
         self.trigger("stand")?;
         self.wait_for_mode("standing")?;

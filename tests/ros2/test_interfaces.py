@@ -1,0 +1,116 @@
+"""docs/interfaces.md against the running nodes: every topic, service and action, and every parameter's table."""
+
+import os
+import re
+import time
+
+import pytest
+from conftest import ROOT, wait_until
+
+DOCUMENT = ROOT / "docs/interfaces.md"
+NODES = ["planner", "controller", "sim_bridge"]
+# What every node has, said once in the document's text.
+COMMON_TOPICS = {"/rosout", "/parameter_events", "/clock"}
+PARAMETER_SERVICES = re.compile(
+    r"/(describe_parameters|get_parameter_types|get_parameters|list_parameters|set_parameters|set_parameters_atomically)$"
+)
+
+
+@pytest.fixture(scope="module")
+def running(processes, client):
+    started = {name: processes(f"tandem_{name}", "--ros-args", "-r", "__ns:=/faces", name=name) for name in NODES}
+
+    def seen():
+        for process in started.values():
+            assert process.alive(), process.text()
+        names = {name for name, namespace in client.node.get_node_names_and_namespaces() if namespace == "/faces"}
+        return set(NODES) <= names
+
+    wait_until(seen, 30, "the three nodes are seen")
+    time.sleep(2)  # their endpoints follow
+    yield started
+    for process in started.values():
+        assert process.stop() == 0, process.text()
+
+
+def documented(node):
+    """Rows of the node's table: {(kind, full name): type}."""
+    text = DOCUMENT.read_text()
+    section = text.split(f"(`{node}`)\n", 1)[1].split("\n## ", 1)[0]
+    rows = {}
+    for line in section.splitlines():
+        cells = [cell.strip() for cell in line.strip("|").split("|")]
+        if len(cells) == 4 and cells[0] in ("publisher", "subscription", "service", "action"):
+            for name in re.findall(r"`([^`]+)`", cells[1]):
+                rows[(cells[0], name if name.startswith("/") else f"/faces/{name}")] = cells[2]
+    return rows
+
+
+def actual(client, node):
+    rows = {}
+    # /clock is subscribed to by the middleware's own helper under another type.
+    for name, types in client.node.get_publisher_names_and_types_by_node(node, "/faces"):
+        if name == "/clock" or name not in COMMON_TOPICS:
+            rows[("publisher", name)] = types[0]
+    for name, types in client.node.get_subscriber_names_and_types_by_node(node, "/faces"):
+        if name not in COMMON_TOPICS and name != "/ros_discovery_info":
+            rows[("subscription", name)] = types[0]
+    for name, types in client.node.get_service_names_and_types_by_node(node, "/faces"):
+        if not PARAMETER_SERVICES.search(name):
+            rows[("service", name)] = types[0]
+    folded = {}
+    for (kind, name), type_ in rows.items():
+        action, _, rest = name.partition("/_action/")
+        if rest:
+            if rest == "feedback":
+                folded[("action", action)] = type_.removesuffix("_FeedbackMessage")
+        else:
+            folded[(kind, name)] = type_
+    return folded
+
+
+@pytest.mark.parametrize("node", NODES)
+def test_the_tables_of_interfaces_are_those_of_the_nodes(client, running, node):
+    wait_until(lambda: actual(client, node).keys() >= documented(node).keys(), 10, lambda: f"{actual(client, node)}")
+    assert actual(client, node) == documented(node)
+
+
+def parameter_table(client, node):
+    from rcl_interfaces.msg import ParameterType
+    from rclpy.parameter import parameter_value_to_python
+    from rclpy.parameter_client import AsyncParameterClient
+
+    parameters = AsyncParameterClient(client.node, f"/faces/{node}")
+    assert parameters.wait_for_services(20)
+    time.sleep(0.2)
+
+    def result(future):
+        wait_until(future.done, 20, "response")
+        return future.result()
+
+    names = sorted(set(result(parameters.list_parameters()).result.names) - {"use_sim_time"})
+    values = result(parameters.get_parameters(names)).values
+    descriptors = result(parameters.describe_parameters(names)).descriptors
+    types = {v: k.removeprefix("PARAMETER_").lower() for k, v in vars(ParameterType).items() if k.startswith("PARAMETER_")}
+    lines = ["| parameter | type | default | range | set | |", "|---|---|---|---|---|---|"]
+    for name, value, descriptor in zip(names, values, descriptors, strict=True):
+        ranges = [*descriptor.floating_point_range, *descriptor.integer_range]
+        span = f"{ranges[0].from_value:g} to {ranges[0].to_value:g}" if ranges else descriptor.additional_constraints
+        when = "at start" if descriptor.read_only else "any time"
+        assert descriptor.description, f"{node}: {name} has no description"
+        lines.append(
+            f"| `{name}` | {types[descriptor.type]} | {parameter_value_to_python(value)} | {span} | {when} | {descriptor.description} |"
+        )
+    return "\n".join(lines) + "\n"
+
+
+@pytest.mark.parametrize("node", NODES)
+def test_the_parameters_tables_are_those_of_the_nodes(client, running, node):
+    table = parameter_table(client, node)
+    text = DOCUMENT.read_text()
+    begin, end = f"<!-- parameters: {node} -->\n", "<!-- end -->"
+    head, rest = text.split(begin, 1)
+    if os.environ.get("TANDEM_UPDATE_DOCS"):
+        DOCUMENT.write_text(head + begin + table + rest[rest.index(end) :])
+    else:
+        assert rest[: rest.index(end)] == table
