@@ -110,7 +110,8 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     let mut output = std::io::stdout().lock();
     if std::env::args().nth(1).as_deref() == Some("fields") {
         for (name, fields, _) in &types {
-            let fields: Vec<String> = fields.iter().map(|field| format!("{}={}", field.name, field.type_name)).collect();
+            let fields: Vec<String> =
+                fields.iter().map(|field| format!("{}={}", field.name, field.type_name)).collect();
             writeln!(output, "{name} {}", fields.join(" "))?;
         }
         return Ok(());
@@ -121,7 +122,8 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
         let (name, length) = line.trim().split_once(' ').ok_or("expected TYPE LENGTH")?;
         let mut cdr = vec![0; length.parse()?];
         input.read_exact(&mut cdr)?;
-        let (.., again) = types.iter().find(|(known, ..)| known == name).ok_or_else(|| format!("{name} is not known"))?;
+        let (.., again) =
+            types.iter().find(|(known, ..)| known == name).ok_or_else(|| format!("{name} is not known"))?;
         let bytes = again(&cdr).map_err(|error| format!("{name}: {error}"))?;
         writeln!(output, "{}", bytes.len())?;
         output.write_all(&bytes)?;

@@ -54,8 +54,7 @@ impl<A: Action> Goal<A> {
     }
 }
 
-type Endpoint<A> =
-    ActionServer<Wire<<A as Action>::Goal>, Wire<<A as Action>::Result>, Wire<<A as Action>::Feedback>>;
+type Endpoint<A> = ActionServer<Wire<<A as Action>::Goal>, Wire<<A as Action>::Result>, Wire<<A as Action>::Feedback>>;
 
 struct Tracked<R> {
     status: GoalStatusEnum,
@@ -130,9 +129,8 @@ where
                 self.finish().await;
             }
             self.start_next();
-            self.goals.retain(|_, goal| {
-                goal.result.as_ref().is_none_or(|(_, since)| since.elapsed() < RESULT_LIFETIME)
-            });
+            self.goals
+                .retain(|_, goal| goal.result.as_ref().is_none_or(|(_, since)| since.elapsed() < RESULT_LIFETIME));
         }
     }
 

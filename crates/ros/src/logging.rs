@@ -25,8 +25,10 @@ pub(crate) fn start(arguments: &Arguments, node: &str) -> Option<Receiver<Log>> 
     // The middleware's own warnings are about other participants' endpoints more often than about ours, and two of its modules
     // call errors what is none: the type under which its clock reader is announced, and leaving a group that the loopback never
     // joined.
-    let mut directives =
-        format!("{},rustdds=error,ros2_client=error,rustdds::discovery::discovery_db=off,rustdds::network::udp_listener=off", arguments.log_level.as_deref().unwrap_or("info"));
+    let mut directives = format!(
+        "{},rustdds=error,ros2_client=error,rustdds::discovery::discovery_db=off,rustdds::network::udp_listener=off",
+        arguments.log_level.as_deref().unwrap_or("info")
+    );
     for (logger, level) in &arguments.logger_levels {
         let target = if logger == node { "tandem" } else { logger };
         let _ = write!(directives, ",{target}={level}"); // writing to a String cannot fail

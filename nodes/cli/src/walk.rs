@@ -64,8 +64,9 @@ pub fn run(arguments: &Arguments) -> Result<ExitCode> {
     std::fs::create_dir_all(&arguments.out)
         .with_context(|| format!("cannot make the folder {}", arguments.out.display()))?;
     let remap = format!("__ns:={}", arguments.namespace);
-    let (ros_arguments, _) =
-        ros::Arguments::parse(["tandem", "--ros-args", "-r", &remap].map(String::from), |name| std::env::var(name).ok())?;
+    let (ros_arguments, _) = ros::Arguments::parse(["tandem", "--ros-args", "-r", &remap].map(String::from), |name| {
+        std::env::var(name).ok()
+    })?;
     let node = Node::start("tandem_walk", &ros_arguments)?;
     let session = Session::new(&node, &robot)?;
     let mut done = Vec::new();
@@ -145,8 +146,9 @@ impl<'a> Session<'a> {
             if state.as_ref().is_some_and(|state| state.mode == mode) {
                 return Ok(());
             }
+            // After arming the robot damps until it is asked to stand; damping for any other reason is an end.
             if let Some(state) = &state
-                && !state.fault.is_empty()
+                && (state.mode == "fault" || (state.mode == "damping" && state.fault != "armed"))
             {
                 bail!("the controller stopped: {} ({})", state.fault, state.mode);
             }
@@ -281,13 +283,8 @@ impl Walked {
             Ok(animation) => write(&folder.join("walk.png"), &animation)?,
             Err(problem) => self.problems.push(problem.to_string()),
         }
-        let run = report::Run {
-            gait: &self.gait,
-            origin: report::Origin::Simulated,
-            samples,
-            walking_from_s,
-            tiles: &tiles,
-        };
+        let run =
+            report::Run { gait: &self.gait, origin: report::Origin::Simulated, samples, walking_from_s, tiles: &tiles };
         match report::render_run(folder, &run) {
             Ok(_) => {}
             Err(problem @ report::ReportError::TooLittle { .. }) => self.problems.push(problem.to_string()),

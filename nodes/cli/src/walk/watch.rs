@@ -288,7 +288,8 @@ impl Watch {
             return Some(Outcome::Fell { at_s });
         }
         if let Some(after) = &run.after {
-            let why = if after.fault.is_empty() { after.mode.clone() } else { format!("{}: {}", after.mode, after.fault) };
+            let why =
+                if after.fault.is_empty() { after.mode.clone() } else { format!("{}: {}", after.mode, after.fault) };
             return Some(Outcome::Stopped { at_s: walked_s, why });
         }
         (walked_s >= seconds).then_some(Outcome::Upright { walked_s })
@@ -324,8 +325,7 @@ impl Eyes {
             run.walking.get_or_insert_default().clone_from(message);
             run.walking_from_s.get_or_insert_with(|| {
                 // The message may come a little after the first step has begun; it says how far the step is.
-                message.header.stamp.seconds()
-                    - (message.step_index as f64 + message.step_phase) * run.step_duration_s
+                message.header.stamp.seconds() - (message.step_index as f64 + message.step_phase) * run.step_duration_s
             });
         } else if run.walking_from_s.is_some() && run.after.is_none() {
             run.after = Some(message.clone());
@@ -399,9 +399,8 @@ fn robot_state(joints: &JointState, odometry: &Odometry, forces: [Vector3; 4]) -
 
 /// A vector in body axes, in world axes: v + 2 w (u × v) + 2 u × (u × v), with q = (u, w).
 fn rotate([x, y, z, w]: [f64; 4], v: [f64; 3]) -> [f64; 3] {
-    let cross = |a: [f64; 3], b: [f64; 3]| {
-        [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]
-    };
+    let cross =
+        |a: [f64; 3], b: [f64; 3]| [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]];
     let u = [x, y, z];
     let once = cross(u, v);
     let twice = cross(u, once);
