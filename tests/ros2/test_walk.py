@@ -41,7 +41,7 @@ class Robot:
         from tandem_msgs.msg import ControllerState, Gait
 
         self.namespace = namespace
-        remap = ["--ros-args", "-r", f"__ns:={namespace}"]
+        remap = ["--ros-args", "-r", f"__ns:={namespace or '/'}"]
         self.nodes = []
         if planner:
             self.nodes.append(processes("tandem_planner", *remap))

@@ -7,7 +7,11 @@
 use std::io::{BufRead, Read, Write};
 
 use byteorder::LittleEndian;
-use tandem_msgs::*;
+use tandem_msgs::{
+    ClearFault, ControllerState, Field, Gait, GenerateGait, JointCommand, LoadGait, Message, Service, SolverReport,
+    action_msgs, builtin_interfaces, diagnostic_msgs, geometry_msgs, lifecycle_msgs, nav_msgs, rcl_interfaces,
+    rosgraph_msgs, sensor_msgs, std_msgs, std_srvs, unique_identifier_msgs,
+};
 
 /// Decodes and encodes again.
 fn again<M: Message>(cdr: &[u8]) -> Result<Vec<u8>, String> {
