@@ -251,8 +251,14 @@ impl Watch {
     pub fn end(&self) -> Result<Recorded> {
         let run = lock(&self.eyes).run.take().context("no run has begun")?;
         let measure = run.measure.context("the robot never walked, or odom and ground_force were never heard")?;
+        let mut samples = run.samples;
+        if let Some(after) = &run.after {
+            // The pictures are of the walk; stopping and sitting down are in the bag.
+            let end_s = after.header.stamp.seconds();
+            samples.truncate(samples.partition_point(|sample| sample.time_s < end_s));
+        }
         Ok(Recorded {
-            samples: run.samples,
+            samples,
             walking_from_s: run.walking_from_s.unwrap_or_default(),
             figures: measure.figures(),
             controller: run.walking.unwrap_or_default(),
