@@ -23,6 +23,8 @@ pub struct Parameters {
     pub pace: Pace,
     /// The clock that the gait follows in realtime.
     pub clock: CycleClock,
+    /// The bus file, where the drives are on CAN; else joint states and commands go over DDS.
+    pub bus_file: Option<PathBuf>,
     /// The robot's folder.
     pub robot_folder: PathBuf,
     /// What the control thread asks of the system.
@@ -106,6 +108,18 @@ impl Parameters {
             .read_only()
             .declare()?
             .get();
+        let backend = choice(
+            "backend",
+            "dds",
+            &["dds", "can"],
+            "dds: joint_states in, joint_command out. can: the drives are on the CAN interfaces that bus_file names.",
+        )?;
+        let bus_file = node
+            .parameter("bus_file", "config/hardware/vision60_can.toml".to_owned())
+            .description("With backend can: which joint hangs on which drive; looked for as the robot's folder is.")
+            .read_only()
+            .declare()?
+            .get();
         let period_s = number("control_period_s", 1e-3, 2e-4, 0.02, "Control period in realtime, s.")?;
         let state_rate_hz = number("state_rate_hz", 50.0, 0.1, 1000.0, "Rate of controller_state, Hz.")?;
         let heartbeat_s = number(
@@ -136,6 +150,19 @@ impl Parameters {
             "The robot is simulated and put on the gait's first instant: arm and walk as soon as a gait is there. Never for a real robot.",
         )?;
         let lockstep = mode == "lockstep";
+        let on_bus = backend == "can";
+        if lockstep && on_bus {
+            return Err(RosError::Parameter {
+                name: "mode".into(),
+                reason: "is lockstep, expected realtime with backend can: drives do not wait".into(),
+            });
+        }
+        if on_bus && start_on_gait {
+            return Err(RosError::Parameter {
+                name: "simulation_start_on_gait".into(),
+                reason: "is true, expected false with backend can: it is for simulations only".into(),
+            });
+        }
         if lockstep && heartbeat_s > 0.0 {
             return Err(RosError::Parameter {
                 name: "emergency_stop_heartbeat_s".into(),
@@ -147,6 +174,7 @@ impl Parameters {
         Ok(Self {
             pace: if lockstep { Pace::Lockstep } else { Pace::Realtime },
             clock: if clock == "monotonic" { CycleClock::Monotonic } else { CycleClock::JointStates },
+            bus_file: on_bus.then(|| bus_file.into()),
             robot_folder: robot_folder.into(),
             realtime: RealtimeRequest {
                 priority: u8::try_from(priority).ok().filter(|p| *p > 0),
@@ -162,17 +190,17 @@ impl Parameters {
                 drive_mode: if drive_mode == "torque" { DriveMode::Torque } else { DriveMode::Impedance },
                 state_timeout_s: number(
                     "state_timeout_s",
-                    0.1,
+                    if on_bus { 0.01 } else { 0.1 },
                     0.002,
                     1.0,
-                    "Joint states older than this mean damping, s. On a robot's own bus take 0.005.",
+                    "Joint states older than this mean damping, s. Default 0.1; with backend can 0.01.",
                 )?,
                 overrun_s: number(
                     "overrun_s",
-                    0.1,
+                    if on_bus { 0.01 } else { 0.1 },
                     0.002,
                     1.0,
-                    "Two cycles further apart than this are a fault, s. On a real robot take 0.01.",
+                    "Two cycles further apart than this are a fault, s. Default 0.1; with backend can 0.01.",
                 )?,
                 start_blend_s: number(
                     "start_blend_s",
@@ -226,13 +254,13 @@ impl Parameters {
     }
 }
 
-/// A folder given relative to the working folder or, where it is not there, to a folder above the program: the program of
-/// a clone finds the clone's own `config` from anywhere.
+/// A folder or file given relative to the working folder or, where it is not there, to a folder above the program: the
+/// program of a clone finds the clone's own `config` from anywhere.
 ///
 /// # Errors
 /// It is in neither place; both are named.
-pub fn find_folder(given: &Path) -> anyhow::Result<PathBuf> {
-    if given.is_dir() {
+pub fn find(given: &Path, parameter: &str) -> anyhow::Result<PathBuf> {
+    if given.exists() {
         return Ok(given.into());
     }
     let program = std::env::current_exe()?;
@@ -240,10 +268,10 @@ pub fn find_folder(given: &Path) -> anyhow::Result<PathBuf> {
         .ancestors()
         .skip(1)
         .map(|above| above.join(given))
-        .find(|folder| given.is_relative() && folder.is_dir())
+        .find(|path| given.is_relative() && path.exists())
         .ok_or_else(|| {
             anyhow::anyhow!(
-                "folder {} is neither in the working folder nor above {}: give its whole path in the parameter robot",
+                "{} is neither in the working folder nor above {}: give its whole path in the parameter {parameter}",
                 given.display(),
                 program.display()
             )

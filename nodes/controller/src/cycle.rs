@@ -1,6 +1,9 @@
 //! The control thread: read, step, write. Between its start and its end it takes no lock, allocates nothing, and logs nothing.
 
-use control::{Controller, GaitName, Input, JOINTS, JointState, MAX_REQUESTS, Output, PreparedGait, Request, Tilt};
+use control::{
+    Controller, FaultReport, GaitName, Input, JOINTS, JointState, MAX_REQUESTS, Output, PreparedGait, Request, Tilt,
+};
+use joint_bus::{BusHealth, JointBus, Readings};
 use realtime::{Histogram, Periodic, RealtimeRequest, Warning, monotonic_now};
 use rtrb::{Consumer, Producer};
 use std::sync::Arc;
@@ -50,6 +53,10 @@ pub struct Said {
     pub missed_cycles: u64,
     /// Once a second: how the loop keeps its time.
     pub timing: Option<Timing>,
+    /// What was read from the drives, where the cycle itself reads them.
+    pub readings: Option<Readings>,
+    /// Once a second, where the cycle itself reads the drives: how the buses are.
+    pub bus: Option<BusHealth>,
 }
 
 /// How the loop kept its time since it began.
@@ -140,14 +147,8 @@ pub struct Cycle {
 
 impl Cycle {
     /// One step on `state` at time `now`, with everything that was asked meanwhile.
-    fn step(
-        &mut self,
-        memory: &mut Memory,
-        state: Option<&JointState>,
-        now: Duration,
-        wall: Duration,
-        stop: bool,
-    ) -> Output {
+    fn step(&mut self, memory: &mut Memory, measured: &Measured, now: Duration, wall: Duration, stop: bool) -> Output {
+        let state = measured.state;
         let mut requests = [Request::Stop; MAX_REQUESTS];
         let mut ids = [0; MAX_REQUESTS];
         let mut count = 0;
@@ -176,7 +177,7 @@ impl Cycle {
                 requests: &requests[..count],
                 gait: gait.as_ref(),
                 emergency_stop: stop || self.emergency_stop.is_pressed(wall),
-                fault: None,
+                fault: measured.fault,
             },
             now,
         );
@@ -189,6 +190,8 @@ impl Cycle {
             gait: self.controller.gait().map(PreparedGait::name),
             missed_cycles: memory.missed_cycles,
             timing,
+            readings: measured.readings,
+            bus: timing.and(measured.bus),
         });
         output
     }
@@ -248,7 +251,42 @@ impl Cycle {
             };
             last_now = now;
             let stop = self.stop.load(Ordering::Acquire);
-            self.step(&mut memory, state.as_ref(), now, wall, stop);
+            self.step(&mut memory, &Measured { state: state.as_ref(), ..Measured::default() }, now, wall, stop);
+            if stop {
+                return;
+            }
+        }
+    }
+
+    /// Runs on the wall clock against drives on a bus until the end of the program: read, step, write. The last command is
+    /// damping; after it the drives' own watchdogs damp.
+    pub fn run_on_bus(
+        mut self,
+        mut bus: impl JointBus,
+        period: Duration,
+        request: RealtimeRequest,
+        warn: impl FnOnce(Vec<Warning>),
+    ) {
+        warn(request.apply());
+        let mut memory = Memory::default();
+        let mut readings = Readings::default();
+        let mut periodic = Periodic::new(period);
+        loop {
+            let wake = periodic.wait();
+            memory.latency.record(wake.latency());
+            memory.missed_cycles += wake.missed;
+            let wall = monotonic_now();
+            bus.read(wall, &mut readings);
+            let state = readings.joint_state();
+            let stop = self.stop.load(Ordering::Acquire);
+            let measured = Measured {
+                state: state.as_ref(),
+                fault: bus.fault(wall),
+                readings: Some(readings),
+                bus: Some(bus.health()),
+            };
+            let output = self.step(&mut memory, &measured, wall, wall, stop);
+            bus.write(&output.command, output.drives_on, monotonic_now());
             if stop {
                 return;
             }
@@ -273,16 +311,19 @@ impl Cycle {
                         gait: self.controller.gait().map(PreparedGait::name),
                         missed_cycles: 0,
                         timing: None,
+                        readings: None,
+                        bus: None,
                     }),
                     _ => {
                         let state = JointState { arrived: [state.stamp; JOINTS], ..state };
-                        last = Some(self.step(&mut memory, Some(&state), state.stamp, monotonic_now(), false));
+                        let measured = Measured { state: Some(&state), ..Measured::default() };
+                        last = Some(self.step(&mut memory, &measured, state.stamp, monotonic_now(), false));
                     }
                 }
             }
             if self.stop.load(Ordering::Acquire) {
                 if let Some(now) = last.and_then(|output| output.answered) {
-                    self.step(&mut memory, None, now, monotonic_now(), true);
+                    self.step(&mut memory, &Measured::default(), now, monotonic_now(), true);
                 }
                 return;
             }
@@ -291,6 +332,15 @@ impl Cycle {
             }
         }
     }
+}
+
+/// What one cycle has to go on.
+#[derive(Clone, Copy, Default)]
+struct Measured<'a> {
+    state: Option<&'a JointState>,
+    fault: Option<FaultReport>,
+    readings: Option<Readings>,
+    bus: Option<BusHealth>,
 }
 
 /// What the loop remembers besides the controller.

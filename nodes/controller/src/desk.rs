@@ -32,8 +32,8 @@ pub struct Desk {
 
 /// The middleware's side of the buffers for measurements.
 pub struct Sensors {
-    /// Joint states to the cycle.
-    pub states: Producer<TimedState>,
+    /// Joint states to the cycle; none where it reads the drives itself.
+    pub states: Option<Producer<TimedState>>,
     /// Attitudes to the cycle.
     pub tilts: Producer<TimedTilt>,
     /// In lockstep: the cycle's thread, to be woken by a state.
@@ -107,27 +107,9 @@ impl Desk {
 
     /// Creates the node's subscriptions and services.
     pub fn open(self: &Arc<Self>, node: &Node, mut sensors: Sensors, fast: Qos) -> Result<(), RosError> {
-        let names = self.config.joint_names.clone();
-        let mut refused = 0_u64;
-        let wake = sensors.wake.clone();
-        node.subscribe("joint_states", fast, move |message: sensor_msgs::JointState| {
-            match ports::joint_state(&message, &names) {
-                // A full buffer: the cycle takes the newest of what is there, or has ended.
-                Ok(state) => {
-                    let _ = sensors.states.push(TimedState { state, wall: monotonic_now() });
-                    if let Some(cycle) = &wake {
-                        cycle.unpark();
-                    }
-                }
-                Err(reason) => {
-                    // A wrong publisher at 1 kHz must not fill the log.
-                    refused += 1;
-                    if refused.is_power_of_two() {
-                        tracing::warn!("joint_states refused ({refused} so far): {reason}");
-                    }
-                }
-            }
-        })?;
+        if let Some(states) = sensors.states.take() {
+            self.open_joint_states(node, states, sensors.wake.take(), fast)?;
+        }
         node.subscribe("imu", Qos::best_effort(1), move |message: sensor_msgs::Imu| {
             if let Some(tilt) = ports::tilt(&message) {
                 let _ = sensors.tilts.push(TimedTilt { tilt, wall: monotonic_now() });
@@ -192,5 +174,34 @@ impl Desk {
             LoadGaitResponse { success, message }
         })?;
         Ok(())
+    }
+
+    fn open_joint_states(
+        &self,
+        node: &Node,
+        mut states: Producer<TimedState>,
+        wake: Option<Thread>,
+        fast: Qos,
+    ) -> Result<(), RosError> {
+        let names = self.config.joint_names.clone();
+        let mut refused = 0_u64;
+        node.subscribe("joint_states", fast, move |message: sensor_msgs::JointState| {
+            match ports::joint_state(&message, &names) {
+                // A full buffer: the cycle takes the newest of what is there, or has ended.
+                Ok(state) => {
+                    let _ = states.push(TimedState { state, wall: monotonic_now() });
+                    if let Some(cycle) = &wake {
+                        cycle.unpark();
+                    }
+                }
+                Err(reason) => {
+                    // A wrong publisher at 1 kHz must not fill the log.
+                    refused += 1;
+                    if refused.is_power_of_two() {
+                        tracing::warn!("joint_states refused ({refused} so far): {reason}");
+                    }
+                }
+            }
+        })
     }
 }

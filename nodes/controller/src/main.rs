@@ -1,14 +1,19 @@
 //! tandem_controller: walks a gait with the paper's PD law. Parameters, topics and services: docs/safety.md, docs/hardware.md.
 
+use anyhow::Context as _;
 use control::Controller;
+use joint_bus::can::CanLink;
+use joint_bus::{BusConfig, DriveBus, Mit, ProtocolName, Registers};
+use realtime::Warning;
 use robot::Robot;
 use ros::{Arguments, Node, Qos};
 use rtrb::RingBuffer;
+use std::path::Path;
 use std::process::ExitCode;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::mpsc::sync_channel;
-use tandem_controller::config::{Pace, Parameters, find_folder};
+use tandem_controller::config::{Pace, Parameters, find};
 use tandem_controller::cycle::{Cycle, EmergencyStop};
 use tandem_controller::desk::{Desk, Sensors};
 use tandem_controller::press::{Press, PressRoom};
@@ -23,6 +28,31 @@ fn main() -> ExitCode {
     }
 }
 
+/// The drives' bus, by what they speak.
+enum Bus {
+    Mit(DriveBus<Mit, CanLink>),
+    Registers(DriveBus<Registers, CanLink>),
+}
+
+fn open_bus(file: &Path, robot: &Robot, config: &control::Config) -> anyhow::Result<Bus> {
+    let file = find(file, "bus_file")?;
+    let text = std::fs::read_to_string(&file).with_context(|| format!("{}", file.display()))?;
+    let bus = BusConfig::from_toml_str(&text, &robot.name, &config.joint_names)
+        .and_then(|bus| bus.check_ranges(config).map(|()| bus))
+        .with_context(|| format!("{}", file.display()))?;
+    let links = bus.interfaces.iter().map(|name| CanLink::open(name)).collect::<Result<Vec<_>, _>>()?;
+    Ok(match bus.protocol {
+        ProtocolName::Mit => {
+            let protocol = Mit { host_id: bus.host_id, ..Mit::default() };
+            Bus::Mit(DriveBus::new(bus, protocol, links))
+        }
+        ProtocolName::Registers => {
+            let protocol = Registers { host_id: bus.host_id as u8 };
+            Bus::Registers(DriveBus::new(bus, protocol, links))
+        }
+    })
+}
+
 fn run() -> anyhow::Result<()> {
     let (arguments, rest) = Arguments::from_process()?;
     if let Some(unknown) = rest.get(1) {
@@ -31,9 +61,11 @@ fn run() -> anyhow::Result<()> {
     let node = Node::start("controller", &arguments)?;
     let parameters = Parameters::declare(&node)?;
     node.warn_of_unused_parameters();
-    let robot = Robot::load(&find_folder(&parameters.robot_folder)?)?;
+    let robot = Robot::load(&find(&parameters.robot_folder, "robot")?)?;
     let config = parameters.control(&robot);
     let controller = Controller::new(config.clone())?;
+    let bus = parameters.bus_file.as_deref().map(|file| open_bus(file, &robot, &config)).transpose()?;
+    let on_bus = bus.is_some();
     let lockstep = parameters.pace == Pace::Lockstep;
     // Nothing may be lost between two processes that wait for each other; else only the newest counts.
     let fast = if lockstep { Qos::reliable(10) } else { Qos::best_effort(1) };
@@ -48,7 +80,7 @@ fn run() -> anyhow::Result<()> {
     let cycle_ended = Arc::new(AtomicBool::new(false));
 
     let desk = Arc::new(Desk::new(asked_in, gaits_in, Arc::clone(&emergency_stop), config.clone(), lockstep));
-    let press = Press::new(&node, config.joint_names, lockstep, parameters.state_every, fast)?;
+    let press = Press::new(&node, config.joint_names, lockstep, parameters.state_every, fast, on_bus)?;
     let room = PressRoom { press, said, desk: Arc::clone(&desk), cycle_ended: Arc::clone(&cycle_ended) };
     let press = std::thread::Builder::new().name("press".into()).spawn(move || room.run())?;
     let cycle = Cycle {
@@ -64,24 +96,33 @@ fn run() -> anyhow::Result<()> {
         start_on_gait: parameters.start_on_gait,
     };
     let (warnings_in, warnings) = sync_channel(1);
-    let control = std::thread::Builder::new().name("control".into()).spawn(move || match parameters.pace {
-        Pace::Lockstep => {
-            drop(warnings_in);
-            cycle.run_lockstep();
-        }
-        Pace::Realtime => {
-            cycle.run_realtime(parameters.period, parameters.clock, parameters.realtime, move |warnings| {
-                // The receiver waits for it; the channel has room.
-                let _ = warnings_in.send(warnings);
-            })
+    let (pace, period, clock, realtime) = (parameters.pace, parameters.period, parameters.clock, parameters.realtime);
+    let control = std::thread::Builder::new().name("control".into()).spawn(move || {
+        // The receiver waits for it; the channel has room.
+        let warn = move |list: Vec<Warning>| warnings_in.send(list).unwrap_or_default();
+        match (bus, pace) {
+            (Some(Bus::Mit(bus)), _) => cycle.run_on_bus(bus, period, realtime, warn),
+            (Some(Bus::Registers(bus)), _) => cycle.run_on_bus(bus, period, realtime, warn),
+            (None, Pace::Realtime) => cycle.run_realtime(period, clock, realtime, warn),
+            (None, Pace::Lockstep) => {
+                warn(Vec::new());
+                cycle.run_lockstep();
+            }
         }
     })?;
     for warning in warnings.recv().unwrap_or_default() {
         tracing::warn!("{warning}");
     }
     let wake = lockstep.then(|| control.thread().clone());
-    desk.open(&node, Sensors { states: states_in, tilts: tilts_in, wake }, fast)?;
-    tracing::info!("{}: disarmed, {}", config.robot, if lockstep { "lockstep" } else { "realtime" });
+    // On a bus the cycle reads the drives itself and joint_states is what it publishes.
+    let states = (!on_bus).then_some(states_in);
+    desk.open(&node, Sensors { states, tilts: tilts_in, wake }, fast)?;
+    let how = match (on_bus, lockstep) {
+        (true, _) => "on CAN",
+        (false, true) => "over DDS in lockstep",
+        (false, false) => "over DDS in realtime",
+    };
+    tracing::info!("{}: disarmed, {how}", config.robot);
 
     // Wait for the end, then: the cycle's last command is damping, the press publishes it, the node leaves.
     let node_stop = node.stop();

@@ -77,6 +77,22 @@ pub fn joint_command(output: &Output, names: &[String; JOINTS]) -> JointCommand 
     }
 }
 
+/// What was read from the drives. Joints that were never heard are left out.
+pub fn joint_states(
+    readings: &joint_bus::Readings,
+    names: &[String; JOINTS],
+    answered: Duration,
+) -> sensor_msgs::JointState {
+    let heard = || (0..JOINTS).filter(|j| readings.arrived[*j].is_some());
+    sensor_msgs::JointState {
+        header: Header { stamp: time(answered), frame_id: String::new() },
+        name: heard().map(|j| names[j].clone()).collect(),
+        position: heard().map(|j| readings.position_rad[j]).collect(),
+        velocity: heard().map(|j| readings.velocity_rad_s[j]).collect(),
+        effort: heard().map(|j| readings.torque_nm[j]).collect(),
+    }
+}
+
 /// What the controller does, for people and programs.
 pub fn controller_state(output: &Output, gait: Option<&str>, missed_cycles: u64) -> ControllerState {
     let faults: Vec<&str> = output.faults.iter().map(control::Fault::name).collect();

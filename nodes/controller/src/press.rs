@@ -11,7 +11,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Duration;
 use tandem_msgs::diagnostic_msgs::{DiagnosticArray, DiagnosticStatus, KeyValue};
 use tandem_msgs::std_msgs::Header;
-use tandem_msgs::{ControllerState, JointCommand};
+use tandem_msgs::{ControllerState, JointCommand, sensor_msgs};
 
 /// How long it sleeps when nobody wakes it.
 const PATIENCE: Duration = Duration::from_millis(20);
@@ -22,6 +22,8 @@ const REPEAT_EVERY: u64 = 10;
 pub struct Press {
     joint_command: Publisher<JointCommand>,
     controller_state: Publisher<ControllerState>,
+    /// Where the cycle itself reads the drives.
+    joint_states: Option<Publisher<sensor_msgs::JointState>>,
     diagnostics: Publisher<DiagnosticArray>,
     joint_names: [String; JOINTS],
     node_name: String,
@@ -50,10 +52,12 @@ impl Press {
         lockstep: bool,
         state_every: u64,
         fast: Qos,
+        on_bus: bool,
     ) -> Result<Self, RosError> {
         Ok(Self {
             joint_command: node.publisher("joint_command", fast)?,
             controller_state: node.publisher("controller_state", Qos::reliable(10))?,
+            joint_states: on_bus.then(|| node.publisher("joint_states", fast)).transpose()?,
             diagnostics: node.publisher("/diagnostics", Qos::reliable(10))?,
             joint_names,
             node_name: node.full_name(),
@@ -101,6 +105,12 @@ impl Press {
         }
         if !said.new {
             return;
+        }
+        if let (Some(port), Some(readings)) = (&self.joint_states, &said.readings)
+            && let Some(answered) = output.answered
+        {
+            let sent = port.publish(ports::joint_states(readings, &self.joint_names, answered));
+            self.note(sent);
         }
         let changed = self.last.mode != Some(output.mode) || self.last.report != output.report;
         self.log(said);
@@ -167,6 +177,24 @@ impl Press {
         for (what, quantiles) in [("latency", timing.latency), ("compute", timing.compute)] {
             for (name, duration) in ["median", "p99", "max"].into_iter().zip(quantiles) {
                 values.push(value(&format!("{what}_{name}_us"), us(duration)));
+            }
+        }
+        if let Some(bus) = &said.bus {
+            for (n, link) in bus.links[..bus.count].iter().enumerate() {
+                values.push(value(
+                    &format!("interface_{n}"),
+                    format!(
+                        "sent {}, received {}, queue full {}, foreign {}, bus errors {}, breaks {}, reopened {}{}",
+                        link.sent,
+                        link.received,
+                        link.full,
+                        link.foreign,
+                        link.bus_errors,
+                        link.breaks,
+                        link.reopened,
+                        if link.down_since.is_some() { ", DOWN" } else { "" }
+                    ),
+                ));
             }
         }
         let (level, message) = if output.faults.is_empty() {
