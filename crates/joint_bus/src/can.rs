@@ -139,6 +139,17 @@ impl Link for CanLink {
     }
 }
 
+/// Puts an error frame on an interface, as its driver would: for tests of what happens then. `class` is the frame's class as in
+/// linux/can/error.h, without the error flag.
+pub fn send_error_frame(interface: &str, class: u32, data: &[u8; 8]) -> Result<(), LinkError> {
+    let unfit = |source| LinkError::Unfit { interface: interface.into(), source };
+    let frame =
+        CanErrorFrame::new_error(class, data).map_err(|e| unfit(io::Error::new(io::ErrorKind::InvalidInput, e)))?;
+    let socket =
+        CanFdSocket::open(interface).map_err(|source| LinkError::Down { interface: interface.into(), source })?;
+    socket.write_frame(&frame).map_err(unfit)
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;

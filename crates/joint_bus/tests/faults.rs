@@ -111,7 +111,11 @@ impl Robot {
                 return n;
             }
         }
-        panic!("{mode:?} not reached in {cycles} cycles: {:?}, {:?}", self.controller.mode(), self.last.unwrap().report);
+        panic!(
+            "{mode:?} not reached in {cycles} cycles: {:?}, {:?}",
+            self.controller.mode(),
+            self.last.unwrap().report
+        );
     }
 
     fn walking() -> Self {
@@ -156,7 +160,12 @@ impl Robot {
             self.cycle(&[]);
         }
         for j in 0..JOINTS {
-            assert!(self.torque_nm[j] * self.v[j] <= 0.2, "joint {j}: {} N m at {} rad/s", self.torque_nm[j], self.v[j]);
+            assert!(
+                self.torque_nm[j] * self.v[j] <= 0.2,
+                "joint {j}: {} N m at {} rad/s",
+                self.torque_nm[j],
+                self.v[j]
+            );
         }
     }
 }
