@@ -172,8 +172,8 @@ pub fn simulate_phase(
         }
         let error = stepper.attempt(&mut system, time, &x, clipped, options)?;
         let factor = (0.9 * error.max(1e-10).powf(-0.2)).clamp(0.2, 5.0);
-        if error > 1.0 {
-            step = clipped * factor;
+        if error > 1.0 || error.is_nan() {
+            step = clipped * if error.is_nan() { 0.2 } else { factor };
             continue;
         }
         steps += 1;

@@ -50,7 +50,7 @@ impl Articulated {
 }
 
 /// Forward dynamics by the articulated-body algorithm (Featherstone, section 7.3): the a that solves
-/// M(q) a + h(q, v) = τ + Σ J_kᵀ f_k, dof entries.
+/// M(q) a + h(q, v) = τ + Σ J_kᵀ f_k, dof entries. Not finite where M is singular: a floating base at a pitch of ±90°.
 ///
 /// # Panics
 ///

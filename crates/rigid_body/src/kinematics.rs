@@ -181,33 +181,41 @@ pub fn last_point_kinematics_derivatives<'d>(model: &Model, data: &'d mut Data, 
     point.dvelocity_dq.fill(0.0);
     point.dacceleration_dq.fill(0.0);
     point.dacceleration_dv.fill(0.0);
+    let (jacobian, dvelocity_dq) = (point.jacobian.as_mut_slice(), point.dvelocity_dq.as_mut_slice());
+    let dacceleration_dq = point.dacceleration_dq.as_mut_slice();
+    let dacceleration_dv = point.dacceleration_dv.as_mut_slice();
+    let mut set = |dof: usize, column: &Vector3<f64>, dvelocity: &Vector3<f64>, dacceleration: &Vector3<f64>| {
+        for axis in 0..3 {
+            let entry = 3 * dof + axis;
+            jacobian[entry] = column[axis];
+            dvelocity_dq[entry] = dvelocity[axis];
+            dacceleration_dq[entry] = dacceleration[axis];
+            dacceleration_dv[entry] = 2.0 * dvelocity[axis];
+        }
+    };
     for_each_above(model, body, |i, dof| {
         let axis = &bodies[i].axis;
         let column = axis.at(&p);
-        point.jacobian.set_column(dof, &column);
         let Some(parent) = model.joints[i].parent else {
             // Hangs from the world, which does not move.
-            let dvelocity = axis.angular.cross(&point.velocity);
-            point.dvelocity_dq.set_column(dof, &dvelocity);
-            point.dacceleration_dv.set_column(dof, &(dvelocity * 2.0));
-            let dacceleration = axis.angular.cross(&point.acceleration);
-            point.dacceleration_dq.set_column(dof, &dacceleration);
+            let turn = |v: &Vector3<f64>| axis.angular.cross(v);
+            set(dof, &column, &turn(&point.velocity), &turn(&point.acceleration));
             return;
         };
         let parent = &bodies[parent];
-        let (carried_velocity, carried_acceleration) = motion_at(parent, &p);
         let spin = &parent.velocity.angular;
+        let carried = spin.cross(&column);
+        let swept = parent.acceleration.angular.cross(&column);
+        if model.joints[i].kind == JointKind::Prismatic {
+            set(dof, &column, &carried, &(swept + spin.cross(&carried)));
+            return;
+        }
+        let (carried_velocity, carried_acceleration) = motion_at(parent, &p);
         let relative_velocity = point.velocity - carried_velocity;
         let relative_acceleration = point.acceleration - carried_acceleration - spin.cross(&relative_velocity) * 2.0;
         let turned = axis.angular.cross(&relative_velocity);
-        let carried = spin.cross(&column);
-        let dvelocity = carried + turned;
-        point.dvelocity_dq.set_column(dof, &dvelocity);
-        point.dacceleration_dv.set_column(dof, &(dvelocity * 2.0));
-        let dacceleration = parent.acceleration.angular.cross(&column)
-            + spin.cross(&(carried + turned * 2.0))
-            + axis.angular.cross(&relative_acceleration);
-        point.dacceleration_dq.set_column(dof, &dacceleration);
+        let dacceleration = swept + spin.cross(&(carried + turned * 2.0)) + axis.angular.cross(&relative_acceleration);
+        set(dof, &column, &(carried + turned), &dacceleration);
     });
     point
 }
