@@ -9,6 +9,10 @@ const FRAMES_PER_READ: usize = 256;
 /// First pause before a link is opened again, doubled up to [`LONGEST_PAUSE`].
 const FIRST_PAUSE: Duration = Duration::from_millis(10);
 const LONGEST_PAUSE: Duration = Duration::from_secs(1);
+/// A damped drive with an error is told to enter again once in so many cycles.
+const REENTER_EVERY: u64 = 50;
+/// A link that breaks again this soon has not been mended: the pauses go on growing.
+const STEADY: Duration = Duration::from_secs(2);
 /// A link that is down for longer than this is a fault; a shorter break is bridged by the drives holding their command.
 const DOWN_FAULT: Duration = Duration::from_millis(5);
 
@@ -107,6 +111,7 @@ struct LinkState<L> {
     health: LinkHealth,
     retry_at: Duration,
     pause: Duration,
+    opened_at: Duration,
     /// Which joint a drive's number belongs to.
     joint_of: [Option<u8>; 128],
 }
@@ -118,6 +123,9 @@ pub struct DriveBus<P, L> {
     config: BusConfig,
     /// Whether each drive was told to enter.
     entered: [bool; JOINTS],
+    /// What each drive reported last.
+    errors: [u8; JOINTS],
+    writes: u64,
 }
 
 impl<P: Protocol, L: Link> DriveBus<P, L> {
@@ -143,11 +151,12 @@ impl<P: Protocol, L: Link> DriveBus<P, L> {
                     health: LinkHealth::default(),
                     retry_at: Duration::ZERO,
                     pause: FIRST_PAUSE,
+                    opened_at: Duration::ZERO,
                     joint_of,
                 }
             })
             .collect();
-        Self { protocol, links, config, entered: [false; JOINTS] }
+        Self { protocol, links, config, entered: [false; JOINTS], errors: [0; JOINTS], writes: 0 }
     }
 
     /// A link, for tests that make it fail.
@@ -183,6 +192,7 @@ impl<P: Protocol, L: Link> DriveBus<P, L> {
             readings.temperature_c.get_or_insert([temperature; JOINTS])[j] = temperature;
         }
         readings.drive_error[j] = reply.error.unwrap_or(0);
+        self.errors[j] = readings.drive_error[j];
         readings.arrived[j] = Some(at);
     }
 
@@ -190,7 +200,11 @@ impl<P: Protocol, L: Link> DriveBus<P, L> {
         if !drives_on {
             return DriveRequest::Exit;
         }
-        if !self.entered[j] {
+        // The frame that told a drive to enter may have been lost, and its watchdog may have tripped. While it is only to be
+        // damped it can be told again without a surprise; not every time, because entering forgets the damping.
+        let damped = command.kp[j] == 0.0 && command.torque_nm[j] == 0.0;
+        let again = self.errors[j] != 0 && damped && self.writes.is_multiple_of(REENTER_EVERY);
+        if !self.entered[j] || again {
             return DriveRequest::Enter;
         }
         let w = &self.config.joints[j];
@@ -209,7 +223,9 @@ fn broke<L>(state: &mut LinkState<L>, now: Duration) {
     if state.health.down_since.is_none() {
         state.health.down_since = Some(now);
         state.health.breaks += 1;
-        state.pause = FIRST_PAUSE;
+        // An interface that is down can often be opened and fails at the first frame.
+        let again = state.health.reopened > 0 && now.saturating_sub(state.opened_at) < STEADY;
+        state.pause = if again { (state.pause * 2).min(LONGEST_PAUSE) } else { FIRST_PAUSE };
         state.retry_at = now + state.pause;
     }
 }
@@ -226,6 +242,7 @@ impl<P: Protocol, L: Link> JointBus for DriveBus<P, L> {
                 match state.link.reopen() {
                     Ok(()) => {
                         state.health.reopened += 1;
+                        state.opened_at = now;
                         mended(state);
                     }
                     Err(_) => {
@@ -248,6 +265,7 @@ impl<P: Protocol, L: Link> JointBus for DriveBus<P, L> {
     }
 
     fn write(&mut self, command: &JointCommand, drives_on: bool, now: Duration) {
+        self.writes += 1;
         for j in 0..JOINTS {
             let w = &self.config.joints[j];
             let (n, id, ranges) = (w.interface, w.id, w.ranges);
