@@ -56,14 +56,18 @@ impl Qos {
 
     /// Reads what rosbag2 writes: a YAML list whose words are names (version 9) or numbers (before). The first profile counts.
     pub(crate) fn from_yaml(text: &str) -> Option<Qos> {
-        let value: serde_yaml_ng::Value = serde_yaml_ng::from_str(text).ok()?;
-        Qos::from_yaml_value(&value)
+        Qos::from_profiles(&serde_yaml_ng::from_str(text).ok()?)
     }
 
+    /// As it stands in metadata.yaml: a list since version 9, a text that holds the list before.
     pub(crate) fn from_yaml_value(value: &serde_yaml_ng::Value) -> Option<Qos> {
-        if let Some(text) = value.as_str() {
-            return if text.trim().is_empty() { None } else { Qos::from_yaml(text) };
+        match value.as_str() {
+            Some(text) => Qos::from_yaml(text),
+            None => Qos::from_profiles(value),
         }
+    }
+
+    fn from_profiles(value: &serde_yaml_ng::Value) -> Option<Qos> {
         let profile = value.as_sequence()?.first()?;
         let word = |key: &str| profile.get(key);
         let reliability = match word("reliability")? {
@@ -136,5 +140,7 @@ mod tests {
         assert_eq!(Qos::from_yaml(text), Some(expected));
         assert_eq!(Qos::from_yaml(""), None);
         assert_eq!(Qos::from_yaml("{{{"), None);
+        assert_eq!(Qos::from_yaml("words"), None);
+        assert_eq!(Qos::from_yaml_value(&serde_yaml_ng::Value::from("words")), None);
     }
 }
