@@ -55,5 +55,5 @@ pub use definition::{Definition, full_definition, known_types};
 pub use error::BagError;
 pub use qos::{Durability, Qos, Reliability};
 pub use read::{Bag, BagTopic, Message, Messages, from_cdr};
-pub use recorder::{Recorder, RecorderOptions, RecorderStatus, Summary, Topic, TopicSummary, to_cdr};
+pub use recorder::{Recorder, RecorderOptions, RecorderStatus, Summary, Topic, TopicSummary, WhenFull, to_cdr};
 pub use recover::{Recovery, recover};

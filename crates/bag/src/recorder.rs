@@ -16,13 +16,25 @@ use serde::Serialize;
 use crate::metadata::{self, FilePart, TopicCount};
 use crate::{BagError, Qos, full_definition};
 
+/// What [`Recorder::push`] does when the queue is full.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum WhenFull {
+    /// Drops the message and counts it: beside a robot, which waits for nothing.
+    #[default]
+    Drop,
+    /// Waits for the disk: for simulations and conversions, which can.
+    Wait,
+}
+
 /// How a recording is made. `Default` is right for a robot at 1 kHz.
 #[derive(Clone, Debug)]
 pub struct RecorderOptions {
-    /// Messages that may wait for the disk; more are dropped and counted.
+    /// Messages that may wait for the disk.
     pub queue_messages: usize,
-    /// Bytes of messages that may wait for the disk; more are dropped and counted.
+    /// Bytes of messages that may wait for the disk.
     pub queue_bytes: usize,
+    /// What happens to a message that does not fit.
+    pub when_full: WhenFull,
     /// A crash loses at most this much: how often the open chunk is closed and the file synchronised to disk.
     pub flush_interval: Duration,
     /// Uncompressed bytes after which a chunk is closed before its time.
@@ -40,6 +52,7 @@ impl Default for RecorderOptions {
         RecorderOptions {
             queue_messages: 8192,
             queue_bytes: 8 << 20,
+            when_full: WhenFull::Drop,
             flush_interval: Duration::from_millis(500),
             chunk_bytes: 1 << 20,
             compression_level: 1,
@@ -168,6 +181,7 @@ type WriterThread = JoinHandle<Result<Vec<FilePart>, BagError>>;
 pub struct Recorder {
     folder: PathBuf,
     queue_bytes: usize,
+    when_full: WhenFull,
     shared: Arc<Shared>,
     sender: SyncSender<Order>,
     thread: Mutex<Option<WriterThread>>,
@@ -251,7 +265,7 @@ impl Recorder {
     pub fn start(folder: impl AsRef<Path>, options: RecorderOptions) -> Result<Recorder, BagError> {
         let folder = folder.as_ref().to_owned();
         let shared = Arc::new(Shared::default());
-        let (queue_messages, queue_bytes) = (options.queue_messages, options.queue_bytes);
+        let (queue_messages, queue_bytes, when_full) = (options.queue_messages, options.queue_bytes, options.when_full);
         // The first file is opened here, so that a folder that cannot be written is an error of `start`.
         let mut writer = Writer::open(folder.clone(), options, shared.clone())?;
         let (sender, receiver) = sync_channel(queue_messages);
@@ -266,7 +280,7 @@ impl Recorder {
                 result
             })
             .map_err(BagError::io(&folder, "start the writer thread for"))?;
-        Ok(Recorder { folder, queue_bytes, shared, sender, thread: Mutex::new(Some(thread)) })
+        Ok(Recorder { folder, queue_bytes, when_full, shared, sender, thread: Mutex::new(Some(thread)) })
     }
 
     /// The bag's folder.
@@ -305,29 +319,46 @@ impl Recorder {
     }
 
     /// Hands one message over: `stamp_ns` nanoseconds since the epoch of the recording's clock, `cdr` with its four-byte
-    /// encapsulation header. Returns at once; `false` means the message was dropped (queue full, or recording stopped) and
-    /// counted as such.
+    /// encapsulation header. Returns at once (unless [`WhenFull::Wait`] was asked for); `false` means the message was
+    /// dropped, because the queue is full or recording stopped, and counted as such.
     pub fn push(&self, topic: &Topic, stamp_ns: u64, cdr: impl Into<Vec<u8>>) -> bool {
         topic.0.offered.fetch_add(1, Ordering::Relaxed);
         if self.shared.closed.load(Ordering::Acquire) || self.shared.fault.get().is_some() {
             return false;
         }
-        let cdr = cdr.into();
+        let mut cdr = cdr.into();
+        loop {
+            match self.try_push(topic, stamp_ns, cdr) {
+                Ok(()) => return true,
+                Err(returned) if self.when_full == WhenFull::Wait && self.shared.fault.get().is_none() => {
+                    std::thread::sleep(Duration::from_micros(200));
+                    cdr = returned;
+                }
+                Err(_) => return false,
+            }
+        }
+    }
+
+    /// Gives the message back if it does not fit.
+    fn try_push(&self, topic: &Topic, stamp_ns: u64, cdr: Vec<u8>) -> Result<(), Vec<u8>> {
         let size = cdr.len();
         let waiting = self.shared.queued_bytes.fetch_add(size, Ordering::AcqRel);
         // An empty queue takes one message of any size, or a large one could never be recorded.
-        let fits = waiting == 0 || waiting + size <= self.queue_bytes;
-        if !fits {
+        let result = if waiting == 0 || waiting + size <= self.queue_bytes {
+            self.sender.try_send(Order::Message { topic: topic.0.clone(), stamp_ns, cdr }).map_err(
+                |error| match error {
+                    TrySendError::Full(Order::Message { cdr, .. })
+                    | TrySendError::Disconnected(Order::Message { cdr, .. }) => cdr,
+                    TrySendError::Full(Order::Finish) | TrySendError::Disconnected(Order::Finish) => Vec::new(),
+                },
+            )
+        } else {
+            Err(cdr)
+        };
+        if result.is_err() {
             self.shared.queued_bytes.fetch_sub(size, Ordering::AcqRel);
-            return false;
         }
-        match self.sender.try_send(Order::Message { topic: topic.0.clone(), stamp_ns, cdr }) {
-            Ok(()) => true,
-            Err(TrySendError::Full(_) | TrySendError::Disconnected(_)) => {
-                self.shared.queued_bytes.fetch_sub(size, Ordering::AcqRel);
-                false
-            }
-        }
+        result
     }
 
     /// Serialises and hands over one message. `Ok(false)` as for [`Recorder::push`].

@@ -22,7 +22,10 @@ fn what_was_written_comes_back_in_order() {
     assert_eq!((bag.message_count(), bag.storage(), bag.files()), (6000, "mcap", 1));
     assert_eq!(bag.span_ns(), Some((1000, 1000 + 2999 * 1_000_000)));
     let (_, words) = bag.topic("/words").unwrap();
-    assert_eq!(words.qos.map(|qos| (qos.reliability, qos.durability, qos.depth)), Some((Reliability::Reliable, Durability::Volatile, 10)));
+    assert_eq!(
+        words.qos.map(|qos| (qos.reliability, qos.durability, qos.depth)),
+        Some((Reliability::Reliable, Durability::Volatile, 10))
+    );
     let definition = words.parsed_definition().unwrap();
     let mut number = 0;
     for (topic, message) in read(&path).unwrap() {
@@ -119,7 +122,10 @@ fn sqlite3_bags_of_both_layouts_are_read() {
         let bag = Bag::open(&path).unwrap();
         assert_eq!((bag.storage(), bag.message_count()), ("sqlite3", 2000));
         let (_, words) = bag.topic("/words").unwrap();
-        assert!(words.definition.as_deref().is_some_and(|text| text.contains("string data")), "ours, for want of its own");
+        assert!(
+            words.definition.as_deref().is_some_and(|text| text.contains("string data")),
+            "ours, for want of its own"
+        );
         assert_eq!(words.qos.map(|qos| (qos.reliability, qos.depth)), Some((Reliability::BestEffort, 3)));
         let (_, silent) = bag.topic("/silent").unwrap();
         assert_eq!(silent.definition.is_some(), newer);
@@ -142,7 +148,8 @@ fn what_is_no_bag_is_one_clear_error() {
     assert!(message("empty.mcap").contains("the file is empty"));
     fs::write(at("text.mcap"), "this is a text and no recording").unwrap();
     assert!(message("text.mcap").contains("this is not an MCAP file"));
-    fs::write(at("text.db3"), "this is a text and no recording, long enough to be looked at by sqlite itself, really").unwrap();
+    fs::write(at("text.db3"), "this is a text and no recording, long enough to be looked at by sqlite itself, really")
+        .unwrap();
     assert!(message("text.db3").contains("cannot be read as a sqlite3 bag"), "{}", message("text.db3"));
     Connection::open(at("other.db3")).unwrap().execute_batch("CREATE TABLE t(x)").unwrap();
     assert!(message("other.db3").contains("no table 'topics'"));
@@ -155,10 +162,19 @@ fn what_is_no_bag_is_one_clear_error() {
         fs::write(at("folder/metadata.yaml"), format!("rosbag2_bagfile_information:\n{text}")).unwrap();
         message("folder")
     };
-    assert!(metadata("  version: 42\n  storage_identifier: mcap\n  relative_file_paths: [a_0.mcap]").contains("version 42; expected 1 to 9"));
-    assert!(metadata("  version: 9\n  storage_identifier: tape\n  relative_file_paths: [a_0.mcap]").contains("storage 'tape'"));
+    assert!(
+        metadata("  version: 42\n  storage_identifier: mcap\n  relative_file_paths: [a_0.mcap]")
+            .contains("version 42; expected 1 to 9")
+    );
+    assert!(
+        metadata("  version: 9\n  storage_identifier: tape\n  relative_file_paths: [a_0.mcap]")
+            .contains("storage 'tape'")
+    );
     assert!(metadata("  version: 9\n  storage_identifier: mcap\n  relative_file_paths: []").contains("lists no file"));
-    assert!(metadata("  version: 9\n  storage_identifier: mcap\n  relative_file_paths: [../../secret.mcap]").contains("outside the bag's folder"));
+    assert!(
+        metadata("  version: 9\n  storage_identifier: mcap\n  relative_file_paths: [../../secret.mcap]")
+            .contains("outside the bag's folder")
+    );
     assert!(metadata("  version: 9\n").contains("is not rosbag2's metadata"));
     let packed = "  version: 9\n  storage_identifier: mcap\n  relative_file_paths: [a_0.mcap]\n  compression_format: zstd\n  compression_mode: FILE\n";
     assert!(metadata(packed).contains("decompress them first"));
@@ -181,7 +197,11 @@ fn messages_compressed_one_by_one_are_read() {
 
 #[test]
 fn a_message_that_does_not_fit_its_definition_is_an_error_not_a_panic() {
-    let definition = bag::Definition::parse("sensor_msgs/msg/JointState", &bag::full_definition("sensor_msgs/msg/JointState").unwrap()).unwrap();
+    let definition = bag::Definition::parse(
+        "sensor_msgs/msg/JointState",
+        &bag::full_definition("sensor_msgs/msg/JointState").unwrap(),
+    )
+    .unwrap();
     let mut random = Random(3);
     for _ in 0..50_000 {
         let length = random.below(200);
@@ -199,7 +219,10 @@ fn a_message_that_does_not_fit_its_definition_is_an_error_not_a_panic() {
         let _ = decode(&definition, &bytes); // either is fine; a panic or an endless loop is not
     }
     let huge = [[0, 1, 0, 0].as_slice(), &[0; 12], &[0xff; 4], &[0; 64]].concat();
-    assert!(decode(&definition, &huge).unwrap_err().to_string().contains("does not fit"), "a length of 2^32 - 1 is not allocated");
+    assert!(
+        decode(&definition, &huge).unwrap_err().to_string().contains("does not fit"),
+        "a length of 2^32 - 1 is not allocated"
+    );
     assert!(decode(&definition, &[0, 9, 0, 0, 1]).unwrap_err().to_string().contains("encapsulation 0009"));
     assert!(decode(&definition, &[]).is_err());
 }
@@ -237,7 +260,12 @@ fn seed_file(path: &Path, compression: Option<mcap::Compression>, checksums: boo
         .add_channel(schema, "/t", "cdr", &[("offered_qos_profiles".to_owned(), "- depth: 1".to_owned())].into())
         .unwrap();
     for number in 0..12 {
-        let header = mcap::records::MessageHeader { channel_id: channel, sequence: number, log_time: number.into(), publish_time: 0 };
+        let header = mcap::records::MessageHeader {
+            channel_id: channel,
+            sequence: number,
+            log_time: number.into(),
+            publish_time: 0,
+        };
         writer.write_to_known_channel(&header, &text_cdr("twelve messages of some length")).unwrap();
     }
     writer.finish().unwrap();

@@ -3,7 +3,7 @@
 use std::fs;
 use std::time::{Duration, Instant};
 
-use bag::{BagError, Qos, Recorder, RecorderOptions, RecorderStatus};
+use bag::{BagError, Qos, Recorder, RecorderOptions, RecorderStatus, WhenFull};
 
 fn wait_for(recorder: &Recorder, mut done: impl FnMut(&RecorderStatus) -> bool) -> RecorderStatus {
     let end = Instant::now() + Duration::from_secs(20);
@@ -34,6 +34,22 @@ fn every_offered_message_is_either_written_or_counted_as_dropped() {
     assert_eq!(summary.written(), taken);
     assert_eq!(summary.written() + summary.dropped(), 20_000);
     assert!(summary.dropped() > 0, "a queue of four cannot hold 20000 messages offered at once");
+}
+
+#[test]
+fn a_caller_that_can_wait_loses_nothing() {
+    let folder = tempfile::tempdir().unwrap();
+    let options = RecorderOptions {
+        queue_messages: 4,
+        queue_bytes: 4096,
+        when_full: WhenFull::Wait,
+        ..RecorderOptions::default()
+    };
+    let recorder = Recorder::start(folder.path().join("b"), options).unwrap();
+    let topic = recorder.topic("/t", "std_msgs/msg/String", Qos::reliable(10)).unwrap();
+    assert!((0..5000).all(|stamp| recorder.push(&topic, stamp, vec![7; 1000])));
+    let summary = recorder.finish().unwrap();
+    assert_eq!((summary.written(), summary.dropped()), (5000, 0));
 }
 
 #[test]

@@ -22,7 +22,11 @@ fn record_until_killed(folder: &Path) -> ! {
     let mut pushed = 0_u64;
     loop {
         while begun.elapsed() >= Duration::from_millis(pushed) {
-            assert!(recorder.push(&topic, pushed * 1_000_000, text_cdr(&format!("message {pushed}, as long as a joint state: {:300}", ""))));
+            assert!(recorder.push(
+                &topic,
+                pushed * 1_000_000,
+                text_cdr(&format!("message {pushed}, as long as a joint state: {:300}", ""))
+            ));
             pushed += 1;
         }
         let mut say = pushed.to_le_bytes().to_vec();
@@ -69,8 +73,11 @@ fn a_recorder_killed_at_any_time_loses_less_than_a_second() {
         }
         for (home, _, _) in &children {
             let Ok(progress) = fs::read(home.join("progress")) else { continue }; // killed before the recorder began
-            let Some((pushed, written)) = progress.split_at_checked(8).filter(|(_, rest)| rest.len() == 8) else { continue };
-            let (pushed, written) = (u64::from_le_bytes(pushed.try_into().unwrap()), u64::from_le_bytes(written.try_into().unwrap()));
+            let Some((pushed, written)) = progress.split_at_checked(8).filter(|(_, rest)| rest.len() == 8) else {
+                continue;
+            };
+            let (pushed, written) =
+                (u64::from_le_bytes(pushed.try_into().unwrap()), u64::from_le_bytes(written.try_into().unwrap()));
             let left = home.join("b");
             // It may have been killed between making the folder and the first byte.
             let saved = match recover(&left, home.join("saved")) {

@@ -25,9 +25,11 @@ mod error;
 mod names;
 mod read;
 mod record;
+mod skeleton;
 mod verify;
 
 pub use error::ReplayError;
 pub use read::{BehaviourRun, read_run};
 pub use record::{BodySample, RunInfo, RunRecorder};
+pub use skeleton::skeleton;
 pub use verify::{Difference, Verification, verify};

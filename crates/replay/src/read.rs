@@ -14,7 +14,7 @@ use crate::ReplayError;
 use crate::names;
 
 /// The legs' names in the topics of ground forces, in the project's order.
-const LEG_NAMES: [&str; LEGS] = ["front_left", "rear_left", "front_right", "rear_right"];
+pub(crate) const LEG_NAMES: [&str; LEGS] = ["front_left", "rear_left", "front_right", "rear_right"];
 
 /// A run out of a bag. Times are seconds since the bag's first message.
 #[derive(Clone, Debug)]

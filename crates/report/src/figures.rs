@@ -337,7 +337,7 @@ pub fn footfalls(run: &Run) -> Result<Image, ReportError> {
 }
 
 /// Stretches of time in which something holds.
-fn stretches(samples: &[Sample], holds: impl Fn(&Sample) -> bool) -> Vec<(f64, f64)> {
+pub(crate) fn stretches(samples: &[Sample], holds: impl Fn(&Sample) -> bool) -> Vec<(f64, f64)> {
     let mut found = Vec::new();
     let mut since = None;
     for sample in samples {
@@ -381,7 +381,7 @@ fn span_s(samples: &[Sample]) -> f64 {
 }
 
 /// Mean over the window of that length that ends at each point (shorter at the start).
-fn averaged(points: &[(f64, f64)], window_s: f64) -> Vec<(f64, f64)> {
+pub(crate) fn averaged(points: &[(f64, f64)], window_s: f64) -> Vec<(f64, f64)> {
     let mut sum = 0.0;
     let mut oldest = 0;
     let mut means = Vec::with_capacity(points.len());

@@ -25,6 +25,8 @@
 //! # Ok(()) }
 //! ```
 //!
+//! [`page`] makes one self-contained HTML page of one or more runs, with a scrubber and an animation of the robot.
+//!
 //! Samples may come from a simulator, a robot or a bag; nothing here knows where from. Joint vectors have 12 entries in the order
 //! of [`gait`]: legs 0 front-left, 1 rear-left, 2 front-right, 3 rear-right, each hip roll, hip pitch, knee.
 //!
@@ -36,6 +38,7 @@
 mod canvas;
 mod error;
 mod figures;
+mod page;
 mod paper;
 mod run;
 mod tiles;
@@ -43,6 +46,7 @@ mod tiles;
 pub use canvas::Image;
 pub use error::ReportError;
 pub use figures::{footfalls, phase_portraits, time_series, torque_bars};
+pub use page::{PageRun, Skeleton, page};
 pub use paper::{TableTwo, table_two};
 pub use run::{Origin, Run, Sample, mean_absolute_torque_nm, mean_forward_speed_m_s};
 pub use tiles::{Tile, tile_strip};

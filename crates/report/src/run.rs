@@ -112,7 +112,7 @@ impl<'a> Run<'a> {
     }
 }
 
-fn from(samples: &[Sample], start_s: f64) -> &[Sample] {
+pub(crate) fn from(samples: &[Sample], start_s: f64) -> &[Sample] {
     &samples[samples.partition_point(|sample| sample.time_s < start_s)..]
 }
 

@@ -64,7 +64,7 @@ pub use error::{CallError, PublishError, RosError};
 pub use folder::find_folder;
 pub use node::{Node, Stop};
 pub use parameters::{Parameter, ParameterBuilder, ParameterType, ParameterValue, Ranged};
-pub use publisher::Publisher;
+pub use publisher::{Publisher, RawPublisher};
 pub use qos::Qos;
 pub use service::ServeOptions;
 pub use time::wall_time;

@@ -24,7 +24,7 @@ use crate::arguments::{Arguments, DiscoveryRange};
 use crate::client::Client;
 use crate::names::{self, Subject};
 use crate::parameters::{ParameterBuilder, ParameterType, Store};
-use crate::publisher::{Publisher, Slot};
+use crate::publisher::{Publisher, Raw, RawPublisher, Slot};
 use crate::service::{ServeOptions, serve};
 use crate::{Qos, RosError, Wire, logging};
 
@@ -260,6 +260,31 @@ impl Node {
         let slot = Arc::new(Slot::new(inner));
         self.close_with(Arc::downgrade(&slot), Slot::close);
         Ok(Publisher::new(full, slot))
+    }
+
+    /// A publisher of messages that are serialised already, of any type: `package/msg/Type`. For playing bags.
+    ///
+    /// # Errors
+    /// A wrong name or type, or the middleware's reason.
+    pub fn raw_publisher(&self, topic: &str, type_name: &str, qos: Qos) -> Result<RawPublisher, RosError> {
+        let full = self.core.full_name(topic, Subject::Topic)?;
+        let create = |reason: String| RosError::Create { what: format!("publisher on {full}"), reason };
+        let name = dds_name(&full)?;
+        let parts: Vec<&str> = type_name.split('/').collect();
+        let [package, "msg", type_in_package] = parts.as_slice() else {
+            return Err(create(format!("type '{type_name}'; expected package/msg/Type")));
+        };
+        let inner = self
+            .core
+            .with_node(|node| {
+                let topic = node.create_topic(&name, MessageTypeName::new(package, type_in_package), &qos.profile())?;
+                node.create_publisher::<Raw>(&topic, Some(qos.profile()))
+            })
+            .ok_or_else(|| self.shut_down(&full))?
+            .map_err(|error| create(error.to_string()))?;
+        let slot = Arc::new(Slot::new(inner));
+        self.close_with(Arc::downgrade(&slot), Slot::close);
+        Ok(RawPublisher::new(full, slot))
     }
 
     /// A subscription that lives as long as the node. Messages of publishers that announce another type, and messages that do

@@ -1,6 +1,8 @@
 //! `tandem`: plan gaits, simulate them, look at what happened — without ROS, DDS or a robot; and walk them with the nodes.
 
+mod bag;
 mod plan;
+mod report;
 mod robots;
 mod simulate;
 mod walk;
@@ -27,6 +29,8 @@ enum Command {
     Plan(plan::Arguments),
     Simulate(simulate::Arguments),
     Walk(walk::Arguments),
+    Bag(bag::Arguments),
+    Report(report::Arguments),
 }
 
 fn main() -> ExitCode {
@@ -35,6 +39,8 @@ fn main() -> ExitCode {
         Command::Plan(a) => plan::run(&a),
         Command::Simulate(a) => simulate::run(&a),
         Command::Walk(a) => walk::run(&a),
+        Command::Bag(a) => bag::run(&a),
+        Command::Report(a) => report::run(&a),
     };
     match result {
         Ok(code) => code,

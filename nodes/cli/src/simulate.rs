@@ -3,13 +3,14 @@
 use crate::robots::RobotArguments;
 use anyhow::{Context, Result};
 use gait::Gait;
+use replay::{BodySample, ReplayError, RunInfo, RunRecorder};
 use robot::Robot;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 use std::time::Instant;
 use tandem_sim_bridge::pictures::{self, Studio};
-use tandem_sim_bridge::simulator::{Posture, Push, SimulatorOptions, Terrain};
-use tandem_sim_bridge::walk::{self, End, Start, Walk, WalkOptions};
+use tandem_sim_bridge::simulator::{Posture, Push, RobotState, SimulatorOptions, Terrain};
+use tandem_sim_bridge::walk::{self, Cycle, End, Start, Walk, WalkOptions};
 
 /// Walk gait files in MuJoCo under the controller's own step
 ///
@@ -64,6 +65,9 @@ pub struct Arguments {
     /// Write phase portraits, torques, time series, footfalls, tiles and an animation of a stride (PNG) into this folder
     #[arg(long, value_name = "FOLDER")]
     out: Option<PathBuf>,
+    /// Record a bag of the run (rosbag2, MCAP) in this folder, for `tandem bag` and `tandem report`
+    #[arg(long, value_name = "FOLDER")]
+    bag: Option<PathBuf>,
     /// Print one JSON object for each file instead of text
     #[arg(long)]
     json: bool,
@@ -89,10 +93,12 @@ pub fn run(arguments: &Arguments) -> Result<ExitCode> {
     for file in &arguments.files {
         let text = std::fs::read_to_string(file).with_context(|| format!("cannot read {}", file.display()))?;
         let gait = Gait::from_json(&text).with_context(|| file.display().to_string())?;
-        let out = arguments.out.as_ref().map(|folder| {
+        let folder = |folder: &PathBuf| {
             if arguments.files.len() == 1 { folder.clone() } else { folder.join(file.file_stem().unwrap_or_default()) }
-        });
-        let done = simulate(&robot, &gait, &options, out.as_deref()).with_context(|| file.display().to_string())?;
+        };
+        let (out, bag) = (arguments.out.as_ref().map(folder), arguments.bag.as_ref().map(folder));
+        let done = simulate(&robot, &gait, &options, out.as_deref(), bag.as_deref())
+            .with_context(|| file.display().to_string())?;
         all_up &= done.walk.end == End::Upright;
         if arguments.json {
             println!("{}", done.json(&gait, &options));
@@ -150,21 +156,80 @@ struct Done {
     no_pictures: Vec<String>,
 }
 
-fn simulate(robot: &Robot, gait: &Gait, options: &WalkOptions, out: Option<&Path>) -> Result<Done> {
+fn simulate(robot: &Robot, gait: &Gait, options: &WalkOptions, out: Option<&Path>, bag: Option<&Path>) -> Result<Done> {
     let begin = Instant::now();
     let mut samples = Vec::new();
-    let walk = walk::walk(robot, gait, options, &mut |_, state, _| {
+    let mut recording = bag.map(|folder| Recording::start(folder, robot, gait, options)).transpose()?;
+    let walk = walk::walk(robot, gait, options, &mut |_, state, cycle| {
         if out.is_some() {
             samples.push(pictures::sample(state));
         }
+        if let Some(recording) = &mut recording {
+            recording.cycle(state, cycle);
+        }
     })?;
+    let summary = recording.map(Recording::finish).transpose()?;
     let mut done = Done { walk, wall_s: begin.elapsed().as_secs_f64(), files: Vec::new(), no_pictures: Vec::new() };
+    done.files.extend(summary.map(|summary| summary.folder));
     if let Some(folder) = out {
         std::fs::create_dir_all(folder).with_context(|| format!("cannot make the folder {}", folder.display()))?;
         done.write(folder, "gait.json", gait.to_json().as_bytes())?;
         done.draw(folder, robot, gait, options, &samples)?;
     }
     Ok(done)
+}
+
+/// The run's bag. The first error is kept until the end: the walk itself goes on.
+struct Recording {
+    run: RunRecorder,
+    failed: Option<ReplayError>,
+}
+
+impl Recording {
+    fn start(folder: &Path, robot: &Robot, gait: &Gait, options: &WalkOptions) -> Result<Recording> {
+        let config = walk::controller_config(robot, options);
+        let [a, b, c, d] = &robot.legs;
+        let info = RunInfo {
+            config: &config,
+            robot_description: &robot.urdf,
+            leg_names: [&a.name, &b.name, &c.name, &d.name],
+            epoch_ns: 0,
+        };
+        // A simulation can wait for the disk.
+        let recorder = ::bag::RecorderOptions { when_full: ::bag::WhenFull::Wait, ..::bag::RecorderOptions::default() };
+        let mut run = RunRecorder::start(folder, &info, recorder)?;
+        run.gait(gait)?;
+        Ok(Recording { run, failed: None })
+    }
+
+    fn cycle(&mut self, state: &RobotState, cycle: &Cycle) {
+        if self.failed.is_none() {
+            self.failed = self.record(state, cycle).err();
+        }
+    }
+
+    fn record(&mut self, state: &RobotState, cycle: &Cycle) -> Result<(), ReplayError> {
+        self.run.cycle(cycle.now, cycle.input, cycle.output, Some(&state.joint_torque_nm))?;
+        // The base at 100 Hz is as much as a picture shows.
+        if cycle.output.cycles % 10 == 1 {
+            self.run.body(&BodySample {
+                time: cycle.now,
+                position_m: state.base_position_m,
+                quaternion_xyzw: state.base_quaternion_xyzw,
+                linear_velocity_body: state.base_linear_velocity_body(),
+                angular_velocity_body: state.base_angular_velocity_body,
+                ground_force_n: Some(state.toe_force_n),
+            })?;
+        }
+        Ok(())
+    }
+
+    fn finish(self) -> Result<::bag::Summary> {
+        match self.failed {
+            Some(error) => Err(error.into()),
+            None => Ok(self.run.finish()?),
+        }
+    }
 }
 
 impl Done {
@@ -181,7 +246,7 @@ impl Done {
         robot: &Robot,
         gait: &Gait,
         options: &WalkOptions,
-        samples: &[report::Sample],
+        samples: &[::report::Sample],
     ) -> Result<()> {
         let walking_from_s = self.walk.walking_from_s;
         // A fall in the first steps, or a machine without OpenGL, leaves less to show. The walk itself is still told.
@@ -194,10 +259,10 @@ impl Done {
             Ok(animation) => self.write(folder, "walk.png", &animation)?,
             Err(problem) => self.no_pictures.push(problem.to_string()),
         }
-        let run = report::Run { gait, origin: report::Origin::Simulated, samples, walking_from_s, tiles: &tiles };
-        match report::render_run(folder, &run) {
+        let run = ::report::Run { gait, origin: ::report::Origin::Simulated, samples, walking_from_s, tiles: &tiles };
+        match ::report::render_run(folder, &run) {
             Ok(pictures) => self.files.extend(pictures),
-            Err(problem @ report::ReportError::TooLittle { .. }) => self.no_pictures.push(problem.to_string()),
+            Err(problem @ ::report::ReportError::TooLittle { .. }) => self.no_pictures.push(problem.to_string()),
             Err(problem) => return Err(problem.into()),
         }
         Ok(())
@@ -249,7 +314,7 @@ impl Done {
         let row = |name: &str, [roll, pitch, knee]: [f64; 3]| format!("  {name:24}{roll:9.2}{pitch:11.2}{knee:8.2}\n");
         text += "  mean |torque|, Nm        hip roll  hip pitch    knee\n";
         text += &row("  here", f.mean_abs_torque_nm.into());
-        if let Some(paper) = report::table_two(&gait.name) {
+        if let Some(paper) = ::report::table_two(&gait.name) {
             text += &row("  Table II, MuJoCo", paper.mujoco_nm);
             text += &row("  Table II, experiment", paper.experiment_nm);
         }
@@ -274,7 +339,7 @@ impl Done {
             End::Fell { at_s, .. } => (Some(*at_s), None),
             End::Fault { at_s, fault } => (Some(*at_s), Some(fault)),
         };
-        let paper = report::table_two(&gait.name);
+        let paper = ::report::table_two(&gait.name);
         serde_json::json!({
             "gait": gait.name,
             "step_duration_s": gait.step_duration_s,

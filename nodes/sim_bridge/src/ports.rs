@@ -53,13 +53,11 @@ pub fn imu(state: &RobotState, orientation_xyzw: [f64; 4], stamp: Time) -> Imu {
 /// The base's true pose in the world and its velocity in its own axes (REP 105).
 pub fn odometry(state: &RobotState, stamp: Time) -> Odometry {
     let [x, y, z] = state.base_position_m;
-    let [qx, qy, qz, qw] = state.base_quaternion_xyzw;
-    let to_body = nalgebra::UnitQuaternion::from_quaternion(nalgebra::Quaternion::new(qw, qx, qy, qz)).inverse();
-    let linear = to_body * nalgebra::Vector3::from(state.base_linear_velocity_world);
     let mut message =
         Odometry { header: header(stamp, ODOM_FRAME), child_frame_id: BASE_FRAME.into(), ..Odometry::default() };
     message.pose.pose = Pose { position: Point { x, y, z }, orientation: quaternion(state.base_quaternion_xyzw) };
-    message.twist.twist = Twist { linear: vector(linear.into()), angular: vector(state.base_angular_velocity_body) };
+    message.twist.twist =
+        Twist { linear: vector(state.base_linear_velocity_body()), angular: vector(state.base_angular_velocity_body) };
     message
 }
 

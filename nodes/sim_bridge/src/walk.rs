@@ -134,7 +134,23 @@ fn fault(output: &Output, robot: &Robot) -> String {
     )
 }
 
-/// Walks. `observe` sees the simulator, the state and the controller's output of every cycle, before the physics moves on.
+/// One cycle of the controller, for those who watch.
+#[derive(Clone, Copy, Debug)]
+pub struct Cycle<'a> {
+    /// When, on the simulation's clock.
+    pub now: Duration,
+    /// What the controller's step saw.
+    pub input: &'a Input<'a>,
+    /// What it said.
+    pub output: &'a Output,
+}
+
+/// The controller's configuration in a walk with these options.
+pub fn controller_config(robot: &Robot, options: &WalkOptions) -> Config {
+    Config { simulation_start: true, control_period_s: options.period_s, ..Config::for_robot(robot) }
+}
+
+/// Walks. `observe` sees the simulator, the state and the controller's cycle, before the physics moves on.
 ///
 /// # Errors
 /// Options that cannot be, a gait for another robot, or a controller that does not start to walk.
@@ -142,14 +158,14 @@ pub fn walk(
     robot: &Robot,
     gait: &Gait,
     options: &WalkOptions,
-    observe: &mut dyn FnMut(&mut Simulator, &RobotState, &Output),
+    observe: &mut dyn FnMut(&mut Simulator, &RobotState, &Cycle),
 ) -> Result<Walk, WalkError> {
     if !(0.01..=1e5).contains(&options.seconds) {
         return Err(WalkError::Option(format!("seconds is {}, expected 0.01 to 1e5", options.seconds)));
     }
     let steps_per_cycle = multiple("the control period", options.period_s, options.simulator.timestep_s)?.max(1);
     let delay_cycles = multiple("the command's delay", options.command_delay_s, options.period_s)? as usize;
-    let config = Config { simulation_start: true, control_period_s: options.period_s, ..Config::for_robot(robot) };
+    let config = controller_config(robot, options);
     let prepared = PreparedGait::new(gait, &config)?;
     let torque_limit_nm = config.torque_limit_nm;
     let mut controller = Controller::new(config)?;
@@ -192,7 +208,7 @@ pub fn walk(
         for reply in output.replies.into_iter().flatten() {
             reply?;
         }
-        observe(&mut simulator, &state, &output);
+        observe(&mut simulator, &state, &Cycle { now, input: &input, output: &output });
         if walking_from_s.is_none() && output.mode == Mode::Walking {
             walking_from_s = Some(state.time_s);
             simulator.expect_height(robot.nominal.height_m);

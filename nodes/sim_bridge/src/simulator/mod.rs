@@ -177,6 +177,13 @@ pub struct RobotState {
 }
 
 impl RobotState {
+    /// Velocity of the base origin in the base's own axes, m/s.
+    pub fn base_linear_velocity_body(&self) -> [f64; 3] {
+        let [x, y, z, w] = self.base_quaternion_xyzw;
+        let to_body = nalgebra::UnitQuaternion::from_quaternion(nalgebra::Quaternion::new(w, x, y, z)).inverse();
+        (to_body * nalgebra::Vector3::from(self.base_linear_velocity_world)).into()
+    }
+
     /// Roll, pitch and yaw of the base, rad, with R = Rz(yaw) Ry(pitch) Rx(roll).
     pub fn roll_pitch_yaw(&self) -> [f64; 3] {
         let [x, y, z, w] = self.base_quaternion_xyzw;

@@ -1,0 +1,299 @@
+//! `tandem bag`: look at recordings, repair them, play them, run them again.
+
+mod play;
+
+use ::bag::{Bag, Value, decode};
+use anyhow::{Context, Result, bail};
+use std::collections::BTreeMap;
+use std::io::{BufWriter, Write};
+use std::path::{Path, PathBuf};
+use std::process::ExitCode;
+use std::time::Instant;
+
+/// Look at recordings (rosbag2), repair them, play them, run them again
+///
+///   tandem bag info out/run
+///   tandem bag verify out/run            run the recorded controller again, compare every command to the bit
+///   tandem bag play out/run --rate 0.5   publish it to any ROS 2 tool
+///   tandem bag recover out/run           save what a crash left
+///   tandem bag export out/run -o csv     one CSV file for each topic
+#[derive(clap::Args)]
+#[command(verbatim_doc_comment)]
+pub struct Arguments {
+    #[command(subcommand)]
+    command: Command,
+}
+
+#[derive(clap::Subcommand)]
+enum Command {
+    Info(InfoArguments),
+    Recover(RecoverArguments),
+    Verify(VerifyArguments),
+    Play(play::Arguments),
+    Export(ExportArguments),
+}
+
+/// What is in a bag
+#[derive(clap::Args)]
+struct InfoArguments {
+    /// A bag's folder, or one .mcap or .db3 file
+    bag: PathBuf,
+    /// Print one JSON object
+    #[arg(long)]
+    json: bool,
+}
+
+/// Make a whole bag of what a crash or a broken disk left
+///
+/// Copies every message that is provably whole into a new bag. The source is only read.
+#[derive(clap::Args)]
+struct RecoverArguments {
+    /// A bag's folder, or one .mcap file
+    bag: PathBuf,
+    /// Folder of the new bag [default: the source's name with _recovered]
+    #[arg(short, long, value_name = "FOLDER")]
+    output: Option<PathBuf>,
+}
+
+/// Run the recorded controller again and compare every command to the bit
+///
+/// Feeds the recorded configuration, gaits, joint states and requests to the controller's step. Ends with an error code and
+/// the first difference (time, joint, both values) if a command comes out differently.
+#[derive(clap::Args)]
+struct VerifyArguments {
+    /// A bag recorded by `tandem simulate --bag` or by the controller
+    bag: PathBuf,
+}
+
+/// Write the messages as CSV, one file for each topic
+#[derive(clap::Args)]
+struct ExportArguments {
+    /// A bag's folder, or one .mcap or .db3 file
+    bag: PathBuf,
+    /// Folder for the files; must be empty or not there
+    #[arg(short, long, value_name = "FOLDER")]
+    output: PathBuf,
+    /// Only these topics
+    #[arg(long = "topic", value_name = "NAME")]
+    topics: Vec<String>,
+}
+
+/// Runs the subcommand.
+pub fn run(arguments: &Arguments) -> Result<ExitCode> {
+    match &arguments.command {
+        Command::Info(a) => info(a),
+        Command::Recover(a) => recover(a),
+        Command::Verify(a) => verify(a),
+        Command::Play(a) => play::run(a),
+        Command::Export(a) => export(a),
+    }
+}
+
+fn info(arguments: &InfoArguments) -> Result<ExitCode> {
+    let bag = Bag::open(&arguments.bag)?;
+    let (start_ns, end_ns) = bag.span_ns().unwrap_or((0, 0));
+    let duration_s = (end_ns - start_ns) as f64 * 1e-9;
+    if arguments.json {
+        let topics: Vec<serde_json::Value> = bag
+            .topics()
+            .iter()
+            .map(|topic| {
+                serde_json::json!({
+                    "name": topic.name, "type": topic.type_name, "messages": topic.messages,
+                    "decodable": topic.parsed_definition().is_ok(),
+                })
+            })
+            .collect();
+        let summary = serde_json::json!({
+            "path": bag.path(), "storage": bag.storage(), "files": bag.files(), "bytes": bag.bytes(), "start_ns": start_ns,
+            "end_ns": end_ns, "duration_s": duration_s, "messages": bag.message_count(), "topics": topics,
+        });
+        println!("{summary}");
+        return Ok(ExitCode::SUCCESS);
+    }
+    println!(
+        "{}: {}, {} file(s), {:.2} MB\n  {duration_s:.3} s from {:.3} s, {} messages",
+        bag.path().display(),
+        bag.storage(),
+        bag.files(),
+        bag.bytes() as f64 * 1e-6,
+        start_ns as f64 * 1e-9,
+        bag.message_count()
+    );
+    let width = bag.topics().iter().map(|topic| topic.name.len()).max().unwrap_or(0);
+    for topic in bag.topics() {
+        let rate = if duration_s > 0.0 { topic.messages as f64 / duration_s } else { 0.0 };
+        let note = match topic.parsed_definition() {
+            Ok(_) => String::new(),
+            Err(error) => format!("  ({error})"),
+        };
+        println!("  {:width$}  {:>9} messages {rate:>8.1} Hz  {}{note}", topic.name, topic.messages, topic.type_name);
+    }
+    Ok(ExitCode::SUCCESS)
+}
+
+fn recover(arguments: &RecoverArguments) -> Result<ExitCode> {
+    let target = match &arguments.output {
+        Some(target) => target.clone(),
+        None => {
+            let source =
+                arguments.bag.canonicalize().with_context(|| format!("cannot open {}", arguments.bag.display()))?;
+            let stem = if source.is_dir() { source.file_name() } else { source.file_stem() };
+            let name = format!("{}_recovered", stem.unwrap_or_default().to_string_lossy());
+            source.with_file_name(name)
+        }
+    };
+    let recovery = ::bag::recover(&arguments.bag, &target)?;
+    for line in &recovery.damage {
+        println!("  {line}");
+    }
+    let (start_ns, end_ns) = recovery.span_ns.unwrap_or((0, 0));
+    println!(
+        "{}: {} messages over {:.3} s saved",
+        recovery.folder.display(),
+        recovery.messages,
+        (end_ns - start_ns) as f64 * 1e-9
+    );
+    if recovery.damage.is_empty() {
+        println!("  the source was whole");
+    }
+    Ok(ExitCode::SUCCESS)
+}
+
+fn verify(arguments: &VerifyArguments) -> Result<ExitCode> {
+    let begun = Instant::now();
+    let result = replay::verify(&arguments.bag)?;
+    let took_s = begun.elapsed().as_secs_f64();
+    println!(
+        "{}: {} cycles over {:.3} s run again in {took_s:.2} s ({:.0} times real time)",
+        arguments.bag.display(),
+        result.cycles,
+        result.duration_s,
+        result.duration_s / took_s
+    );
+    match &result.first {
+        None => {
+            println!("  every command the same, to the bit");
+            Ok(ExitCode::SUCCESS)
+        }
+        Some(first) => {
+            println!(
+                "  {} cycles differ; the first at {:.6} s, cycle {}: {} {}\n    recorded {}\n    computed {}",
+                result.different, first.time_s, first.cycle, first.joint, first.what, first.recorded, first.computed
+            );
+            Ok(ExitCode::FAILURE)
+        }
+    }
+}
+
+/// A topic's file while it is written.
+struct Table {
+    file: BufWriter<std::fs::File>,
+    path: PathBuf,
+    columns: Vec<String>,
+    rows: u64,
+}
+
+fn export(arguments: &ExportArguments) -> Result<ExitCode> {
+    let bag = Bag::open(&arguments.bag)?;
+    for wanted in &arguments.topics {
+        if bag.topic(wanted).is_none() {
+            let known: Vec<&str> = bag.topics().iter().map(|topic| topic.name.as_str()).collect();
+            bail!("there is no topic '{wanted}' in {}; it has {}", bag.path().display(), known.join(", "));
+        }
+    }
+    let folder = &arguments.output;
+    std::fs::create_dir_all(folder).with_context(|| format!("cannot make the folder {}", folder.display()))?;
+    if std::fs::read_dir(folder)?.next().is_some() {
+        bail!("{} is not empty; nothing was written; choose another folder", folder.display());
+    }
+    let mut definitions = Vec::new();
+    for topic in bag.topics() {
+        let wanted = arguments.topics.is_empty() || arguments.topics.contains(&topic.name);
+        definitions.push(match topic.parsed_definition() {
+            _ if !wanted => None,
+            Ok(definition) => Some(definition),
+            // Asked for by name it is an error, else a topic that cannot be written.
+            Err(error) if !arguments.topics.is_empty() => return Err(error.into()),
+            Err(error) => {
+                println!("  left out: {error}");
+                None
+            }
+        });
+    }
+    let mut tables: BTreeMap<usize, Table> = BTreeMap::new();
+    for message in bag.messages()? {
+        let message = message?;
+        let topic = &bag.topics()[message.topic];
+        let Some(definition) = &definitions[message.topic] else { continue };
+        let value = decode(definition, &message.data).with_context(|| format!("topic {}", topic.name))?;
+        let table = match tables.entry(message.topic) {
+            std::collections::btree_map::Entry::Occupied(entry) => entry.into_mut(),
+            std::collections::btree_map::Entry::Vacant(entry) => {
+                entry.insert(Table::begin(folder, &topic.name, &value)?)
+            }
+        };
+        table.row(message.stamp_ns, &value)?;
+    }
+    for table in tables.values_mut() {
+        table.file.flush().with_context(|| format!("cannot write {}", table.path.display()))?;
+        println!("{}: {} rows, {} columns", table.path.display(), table.rows, table.columns.len() + 1);
+    }
+    Ok(ExitCode::SUCCESS)
+}
+
+impl Table {
+    /// The columns are those of the topic's first message.
+    fn begin(folder: &Path, topic: &str, first: &Value) -> Result<Table> {
+        let path = folder.join(format!("{}.csv", topic.trim_matches('/').replace('/', "__")));
+        let file = std::fs::File::create_new(&path).with_context(|| format!("cannot write {}", path.display()))?;
+        let mut columns = Vec::new();
+        first.for_each_leaf(&mut |name, _| columns.push(name.to_owned()));
+        let mut table = Table { file: BufWriter::new(file), path, columns, rows: 0 };
+        let head: Vec<String> = table.columns.iter().map(|name| quoted(name)).collect();
+        table.line(&format!("stamp_ns,{}", head.join(",")))?;
+        Ok(table)
+    }
+
+    fn row(&mut self, stamp_ns: u64, value: &Value) -> Result<()> {
+        // A message with other parts than the first (a longer list, say) still goes under the right names.
+        let mut cells: BTreeMap<String, String> = BTreeMap::new();
+        let mut line = stamp_ns.to_string();
+        value.for_each_leaf(&mut |name, leaf| {
+            cells.insert(name.to_owned(), cell(leaf));
+        });
+        for column in &self.columns {
+            line.push(',');
+            line.push_str(&cells.remove(column).unwrap_or_default());
+        }
+        if let Some((extra, _)) = cells.first_key_value() {
+            bail!(
+                "{}: the message at {stamp_ns} ns has a value '{extra}' that the topic's first message has not; CSV has one set \
+                 of columns; leave this topic out with --topic",
+                self.path.display()
+            );
+        }
+        self.rows += 1;
+        self.line(&line)
+    }
+
+    fn line(&mut self, text: &str) -> Result<()> {
+        writeln!(self.file, "{text}").with_context(|| format!("cannot write {}", self.path.display()))
+    }
+}
+
+fn cell(value: &Value) -> String {
+    match value {
+        Value::Bool(value) => u8::from(*value).to_string(),
+        Value::Integer(value) => value.to_string(),
+        Value::Unsigned(value) => value.to_string(),
+        // The shortest text that reads back as the same number.
+        Value::Number(value) => format!("{value:?}"),
+        Value::Text(text) => quoted(text),
+        Value::List(_) | Value::Fields(_) => String::new(),
+    }
+}
+
+fn quoted(text: &str) -> String {
+    if text.contains([',', '"', '\n', '\r']) { format!("\"{}\"", text.replace('"', "\"\"")) } else { text.to_owned() }
+}

@@ -1,0 +1,145 @@
+//! `tandem report`: recordings as a page, as pictures, or both.
+
+use crate::robots::RobotArguments;
+use anyhow::{Context, Result, bail};
+use replay::{BehaviourRun, read_run, skeleton};
+use std::path::{Path, PathBuf};
+use std::process::ExitCode;
+use tandem_sim_bridge::pictures::Studio;
+use tandem_sim_bridge::simulator::SimulatorOptions;
+
+/// Make a page of one or more recordings, to look at and to compare
+///
+/// The page is one file that needs no network: phase portraits, torques beside the paper's Table II, everything over time,
+/// footfalls, the control cycle's timing, events, and the robot with a scrubber. Several bags are laid over one another.
+///
+///   tandem report out/run -o report.html
+///   tandem report monday tuesday -o compare.html
+///   tandem report out/run --png pictures
+#[derive(clap::Args)]
+#[command(verbatim_doc_comment)]
+pub struct Arguments {
+    /// Bags: folders, or .mcap or .db3 files
+    #[arg(required = true, value_name = "BAG")]
+    bags: Vec<PathBuf>,
+    /// The page [default: report.html, unless --png is given]
+    #[arg(short, long, value_name = "FILE")]
+    output: Option<PathBuf>,
+    /// Write pictures (PNG) into this folder; with several bags, into one folder for each in it
+    #[arg(long, value_name = "FOLDER")]
+    png: Option<PathBuf>,
+    /// Samples come from a robot: drawn in cyan, as the paper's experiments
+    #[arg(long)]
+    recorded: bool,
+    /// Leave out the tiles that MuJoCo renders
+    #[arg(long)]
+    no_tiles: bool,
+    #[command(flatten)]
+    robot: RobotArguments,
+}
+
+/// Runs the subcommand.
+pub fn run(arguments: &Arguments) -> Result<ExitCode> {
+    let runs = arguments.bags.iter().map(read_run).collect::<Result<Vec<_>, _>>()?;
+    let labels = labels(&arguments.bags);
+    let mut tiles = Vec::new();
+    for (run, label) in runs.iter().zip(&labels) {
+        tiles.push(if arguments.no_tiles {
+            Vec::new()
+        } else {
+            render_tiles(arguments, run).unwrap_or_else(|problem| {
+                println!("{label}: no tiles: {problem:#}");
+                Vec::new()
+            })
+        });
+    }
+    if let Some(folder) = &arguments.png {
+        for ((run, label), tiles) in runs.iter().zip(&labels).zip(&tiles) {
+            let folder = if runs.len() == 1 { folder.clone() } else { folder.join(label) };
+            pictures(arguments, run, tiles, &folder)?;
+        }
+    }
+    let page = match (&arguments.output, &arguments.png) {
+        (Some(file), _) => file.clone(),
+        (None, Some(_)) => return Ok(ExitCode::SUCCESS),
+        (None, None) => PathBuf::from("report.html"),
+    };
+    let mut page_runs = Vec::new();
+    for ((run, label), tiles) in runs.iter().zip(&labels).zip(&tiles) {
+        let shape = skeleton(run);
+        if let Err(problem) = &shape {
+            println!("{label}: no animation: {problem}");
+        }
+        let caption = run.gait.as_ref().map_or(label.as_str(), |gait| gait.name.as_str());
+        let tiles_png = if tiles.is_empty() { None } else { Some(::report::tile_strip(caption, tiles)?.to_png()?) };
+        page_runs.push(::report::PageRun {
+            label: label.clone(),
+            gait: run.gait.as_ref(),
+            samples: &run.samples,
+            walking_from_s: run.walking_from_s,
+            has_body: run.has_body,
+            has_ground: run.has_ground,
+            has_torque: run.has_torque,
+            events: &run.events,
+            tracking_error: &run.tracking_error,
+            cycle_intervals_s: &run.cycle_intervals_s,
+            missing_cycles: run.missing_cycles,
+            skeleton: shape.ok(),
+            tiles_png,
+        });
+    }
+    let title = format!("Tandem: {}", labels.join(", "));
+    let html = ::report::page(&title, &page_runs)?;
+    std::fs::write(&page, &html).with_context(|| format!("cannot write {}", page.display()))?;
+    println!("{}: {:.1} MB", page.display(), html.len() as f64 * 1e-6);
+    Ok(ExitCode::SUCCESS)
+}
+
+/// The bags' own names; as much of their paths as it takes to tell them apart.
+fn labels(bags: &[PathBuf]) -> Vec<String> {
+    for parts in 1..8 {
+        let labels: Vec<String> = bags
+            .iter()
+            .map(|bag| {
+                let bag = bag.canonicalize().unwrap_or_else(|_| bag.clone());
+                let all: Vec<_> = bag.iter().map(|part| part.to_string_lossy().into_owned()).collect();
+                all[all.len().saturating_sub(parts)..].join("/")
+            })
+            .collect();
+        let mut sorted = labels.clone();
+        sorted.sort();
+        sorted.dedup();
+        if sorted.len() == labels.len() {
+            return labels;
+        }
+    }
+    bags.iter().enumerate().map(|(number, bag)| format!("{} ({})", bag.display(), number + 1)).collect()
+}
+
+fn render_tiles(arguments: &Arguments, run: &BehaviourRun) -> Result<Vec<::report::Tile>> {
+    let Some(gait) = &run.gait else { bail!("the bag holds no gait") };
+    if !run.has_body {
+        bail!("the bag does not say where the base was");
+    }
+    let robot = arguments.robot.load()?;
+    let options = SimulatorOptions::default();
+    Ok(Studio::new(&robot, &options, gait, &run.samples, run.walking_from_s)?.tiles()?)
+}
+
+fn pictures(arguments: &Arguments, run: &BehaviourRun, tiles: &[::report::Tile], folder: &Path) -> Result<()> {
+    let Some(gait) = &run.gait else {
+        bail!("{}: it holds no gait, which pictures are drawn against; make a page instead (-o)", run.path.display());
+    };
+    if !(run.has_body && run.has_torque && run.has_ground) {
+        bail!(
+            "{}: it lacks the base's motion, torques or ground forces, which pictures show; make a page instead (-o)",
+            run.path.display()
+        );
+    }
+    let origin = if arguments.recorded { ::report::Origin::Recorded } else { ::report::Origin::Simulated };
+    let drawn = ::report::Run { gait, origin, samples: &run.samples, walking_from_s: run.walking_from_s, tiles };
+    for file in ::report::render_run(folder, &drawn)? {
+        println!("{}", file.display());
+    }
+    Ok(())
+}
