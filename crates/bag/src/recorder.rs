@@ -54,7 +54,7 @@ impl Default for RecorderOptions {
             queue_bytes: 8 << 20,
             when_full: WhenFull::Drop,
             flush_interval: Duration::from_millis(500),
-            chunk_bytes: 1 << 20,
+            chunk_bytes: 256 << 10,
             compression_level: 1,
             split_bytes: None,
             split_duration: None,
