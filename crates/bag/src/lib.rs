@@ -30,7 +30,7 @@
 //! # Reading
 //!
 //! [`Bag::open`] takes a folder or a file, MCAP or sqlite3, ours or another's; [`Bag::messages`] gives the messages in the order of
-//! time. [`from_cdr`] reads one as a known Rust type, [`decode`] by the definition in the bag. [`recover`] makes a whole bag of
+//! time. [`from_cdr`] reads one as a known Rust type, [`decode()`] by the definition in the bag. [`recover()`] makes a whole bag of
 //! what a killed recorder or a broken disk left.
 //!
 //! # Invariants

@@ -1,7 +1,7 @@
 //! A controller's run in a bag: recording it, running it again to the bit, reading it for a report.
 //!
 //! [`RunRecorder`] writes what the controller's step saw and said in every cycle, with the configuration and the gaits, beside
-//! the topics that ROS tools know. [`verify`] feeds a recorded run to [`control::Controller::step`] again and compares every
+//! the topics that ROS tools know. [`verify()`] feeds a recorded run to [`control::Controller::step`] again and compares every
 //! command with the recorded one. [`read_run`] gives the samples that crate `report` draws.
 //!
 //! | topic | type | when |

@@ -25,7 +25,7 @@
 //! # Ok(()) }
 //! ```
 //!
-//! [`page`] makes one self-contained HTML page of one or more runs, with a scrubber and an animation of the robot.
+//! [`page()`] makes one self-contained HTML page of one or more runs, with a scrubber and an animation of the robot.
 //!
 //! Samples may come from a simulator, a robot or a bag; nothing here knows where from. Joint vectors have 12 entries in the order
 //! of [`gait`]: legs 0 front-left, 1 rear-left, 2 front-right, 3 rear-right, each hip roll, hip pitch, knee.
