@@ -37,9 +37,9 @@ fn the_controller_walks_the_amble_as_the_bare_law_does_elsewhere() {
 fn it_stands_up_from_sitting_and_walks() {
     let mut modes = Vec::new();
     let options = WalkOptions { seconds: 6.0, start: Start::Posture(Posture::Sit), ..WalkOptions::default() };
-    let walk = walk(&vision60(), &amble(), &options, &mut |_, _, output| {
-        if modes.last() != Some(&output.mode) {
-            modes.push(output.mode);
+    let walk = walk(&vision60(), &amble(), &options, &mut |_, _, cycle| {
+        if modes.last() != Some(&cycle.output.mode) {
+            modes.push(cycle.output.mode);
         }
     })
     .unwrap();
