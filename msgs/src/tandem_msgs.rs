@@ -1,5 +1,6 @@
 //! Tandem's own messages, services and actions. The definition files in `msg/`, `srv/` and `action/` hold the same fields.
 
+use crate::builtin_interfaces::Time;
 use crate::geometry_msgs::{Pose, Twist};
 use crate::std_msgs::Header;
 use crate::{Action, Optional};
@@ -185,8 +186,16 @@ messages! { "tandem_msgs";
         status: String,
         /// For people: what was wrong, which constraint binds, the nearest value that would do.
         message: String,
-        /// Valid only when `success`.
-        gait: Gait,
+        /// Name of the gait, which is published on the topic `gait` before the answer.
+        gait: String,
+        /// Its stamp there.
+        gait_stamp: Time,
+        /// Duration of its step, s.
+        step_duration_s: f64,
+        /// How far the base moves forward in a step, m.
+        step_length_m: f64,
+        /// What the solver said, also of a gait that was not found.
+        solver: SolverReport,
     }
     /// A gait file.
     LoadGaitRequest {

@@ -2,6 +2,7 @@
 
 import os
 import pathlib
+import random
 import signal
 import subprocess
 import threading
@@ -11,7 +12,16 @@ import pytest
 
 ROOT = pathlib.Path(__file__).resolve().parents[2]
 TARGET = pathlib.Path(os.environ.get("CARGO_TARGET_DIR", ROOT / "target")) / "release"
-DOMAIN = int(os.environ.get("TANDEM_TEST_DOMAIN", "20"))
+
+
+def free_domain():
+    """A domain in which nobody listens: participant 0 of domain d has UDP port 7410 + 250 d."""
+    used = {int(line.split()[1].split(":")[1], 16) for line in pathlib.Path("/proc/net/udp").read_text().splitlines()[1:]}
+    free = [domain for domain in range(1, 101) if 7410 + 250 * domain not in used]
+    return random.choice(free)
+
+
+DOMAIN = int(os.environ.get("TANDEM_TEST_DOMAIN") or free_domain())
 
 os.environ["ROS_DOMAIN_ID"] = str(DOMAIN)
 os.environ["ROS_AUTOMATIC_DISCOVERY_RANGE"] = "LOCALHOST"
@@ -84,10 +94,10 @@ class Client:
 
     def __init__(self, name, **arguments):
         import rclpy
-        from rclpy.executors import MultiThreadedExecutor
+        from rclpy.executors import SingleThreadedExecutor
 
         self.node = rclpy.create_node(name, **arguments)
-        self.executor = MultiThreadedExecutor(4)
+        self.executor = SingleThreadedExecutor()
         self.executor.add_node(self.node)
         self.thread = threading.Thread(target=self._spin, daemon=True)
         self.thread.start()
@@ -100,7 +110,7 @@ class Client:
         except rclpy.executors.ExternalShutdownException:
             pass
 
-    def service(self, type_, name, seconds=20):
+    def service(self, type_, name, seconds=40):
         """A client of a service that is there."""
         client = self.node.create_client(type_, name)
         assert client.wait_for_service(seconds), f"service {name} did not appear within {seconds} s"

@@ -81,7 +81,7 @@ def parameter_table(client, node):
     from rclpy.parameter_client import AsyncParameterClient
 
     parameters = AsyncParameterClient(client.node, f"/faces/{node}")
-    assert parameters.wait_for_services(20)
+    assert parameters.wait_for_services(60)
     time.sleep(0.2)
 
     def result(future):

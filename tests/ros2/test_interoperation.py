@@ -111,7 +111,7 @@ def test_a_remapped_service_answers_with_every_field(client, exercise):
     plan = client.service(GenerateGait, "/robot/plan")
     response = client.call(plan, GenerateGait.Request(behaviour="amble", speed_m_s=[0.35]))
     assert (response.success, response.status, response.message) == (True, "amble", "[0.35]")
-    assert list(response.gait.coefficients_rad) == [float(i) for i in range(72)]
+    assert (response.step_duration_s, response.solver.iterations) == (0.25, 7)
 
 
 def test_a_hundred_calls_in_a_row_lose_no_response(client, exercise):

@@ -2,6 +2,7 @@
 
 import json
 import math
+import threading
 import time
 
 import pytest
@@ -36,6 +37,7 @@ class Robot:
     """The three nodes in a namespace, and what is heard of them."""
 
     def __init__(self, processes, ros, namespace, planner=True, parameters=()):
+        import rclpy
         from nav_msgs.msg import Odometry
         from sensor_msgs.msg import JointState
         from tandem_msgs.msg import ControllerState, Gait
@@ -56,14 +58,23 @@ class Robot:
         node.create_subscription(Odometry, f"{namespace}/odom", self.odometry.append, best_effort())
         node.create_subscription(ControllerState, f"{namespace}/controller_state", self.states.append, 100)
         node.create_subscription(Gait, f"{namespace}/gait", self.gaits.append, latched())
-        # Every message decoded at more than 1 kHz would make the test the slowest part.
+        # At 1 kHz and more rclpy's executor would do nothing else: a thread takes the newest joint state now and then.
         self.joint_names = None
+        self.aside = rclpy.create_node("aside" + namespace.replace("/", "_"))
+        self.joints = self.aside.create_subscription(JointState, f"{namespace}/joint_states", print, best_effort(1))
+        self.watching = True
+        self.watcher = threading.Thread(target=self._watch_joints, daemon=True)
+        self.watcher.start()
 
-        def joints(message):
-            self.joint_names = message.name
-            self.torques.append((seconds(message.header.stamp), [abs(value) for value in message.effort]))
-
-        node.create_subscription(JointState, f"{namespace}/joint_states", joints, best_effort())
+    def _watch_joints(self):
+        while self.watching:
+            time.sleep(0.005)
+            with self.joints.handle:
+                taken = self.joints.handle.take_message(self.joints.msg_type, False)
+            if taken is not None:
+                message = taken[0]
+                self.joint_names = message.name
+                self.torques.append((seconds(message.header.stamp), [abs(value) for value in message.effort]))
 
     def service(self, type_, name):
         return self.client.service(type_, f"{self.namespace}/{name}")
@@ -103,6 +114,9 @@ class Robot:
         return wait_until(checked, wall_seconds, lambda: f"{what}; mode {self.mode()}, time {self.time():.2f} s")
 
     def close(self):
+        self.watching = False
+        self.watcher.join()
+        self.aside.destroy_node()
         self.client.close()
         for node in reversed(self.nodes):
             assert node.stop() == 0, node.text()
@@ -124,7 +138,12 @@ def upright(odometry):
 def test_a_gait_asked_for_over_the_service_walks_for_twenty_seconds(robot, name):
     response = robot.generate(behaviour=name)
     assert response.success and response.status == "converged", response.message
-    gait = response.gait
+    assert response.gait == name
+    # The gait comes on the latched topic, under the stamp that the answer gives.
+    robot.wait(lambda: robot.gaits and robot.gaits[-1].header.stamp == response.gait_stamp, 10, "the gait on its topic")
+    gait = robot.gaits[-1]
+    assert gait.solver == response.solver
+    assert (gait.step_duration_s, gait.step_length_m) == (response.step_duration_s, response.step_length_m)
     assert (gait.version, gait.robot, gait.name, gait.bezier_degree) == (1, "vision60", name, 5)
     assert list(gait.joint_names) == JOINTS
     assert len(gait.coefficients_rad) == len(gait.reference_coefficients_rad) == 72
@@ -135,8 +154,6 @@ def test_a_gait_asked_for_over_the_service_walks_for_twenty_seconds(robot, name)
     assert gait.solver.status == "converged" and 0 < gait.solver.iterations < 100
     assert gait.solver.max_violation <= 1e-5 and 0 < gait.solver.solve_time_s < 4
     assert json.loads(gait.request_json)["behaviour"] == name
-    # The latched topic carries the same gait.
-    robot.wait(lambda: robot.gaits and robot.gaits[-1] == gait, 10, "the gait on its topic")
 
     robot.pause(False)
     robot.trigger("reset")
@@ -174,7 +191,7 @@ def test_a_gait_asked_for_over_the_service_walks_for_twenty_seconds(robot, name)
     robot.trigger("stop")
     robot.wait(lambda: robot.mode() == "standing", 60, "standing")
     robot.trigger("sit")
-    robot.wait(lambda: robot.mode() == "disarmed" or (robot.trigger("disarm") is None), 60, "disarmed")
+    robot.wait(lambda: robot.mode() == "disarmed", 60, "disarmed")
 
 
 @pytest.mark.parametrize(

@@ -11,7 +11,7 @@ use ros::{Arguments, Node, Qos};
 use tandem_msgs::sensor_msgs::JointState;
 use tandem_msgs::std_msgs::String as Text;
 use tandem_msgs::std_srvs::{SetBool, SetBoolRequest, SetBoolResponse, Trigger, TriggerResponse};
-use tandem_msgs::{Gait, GenerateGait, GenerateGaitResponse};
+use tandem_msgs::{Gait, GenerateGait, GenerateGaitResponse, SolverReport};
 
 fn main() -> Result<(), Box<dyn std::error::Error>> {
     let (arguments, _) = Arguments::from_process()?;
@@ -53,7 +53,9 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
         success: request.speed_m_s.value().is_ok(),
         status: request.behaviour,
         message: format!("{:?}", request.speed_m_s.0),
-        gait: Gait { coefficients_rad: (0..72).map(f64::from).collect(), ..Gait::default() },
+        step_duration_s: 0.25,
+        solver: SolverReport { iterations: 7, ..SolverReport::default() },
+        ..GenerateGaitResponse::default()
     })?;
     let remote = Arc::new(node.client::<SetBool>("remote")?);
     node.serve::<Trigger>("relay", move |_| {

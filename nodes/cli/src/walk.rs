@@ -11,7 +11,7 @@ use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 use std::time::{Duration, Instant};
 use tandem_msgs::std_srvs::{Trigger, TriggerRequest};
-use tandem_msgs::{GenerateGait, GenerateGaitRequest};
+use tandem_msgs::{GenerateGait, GenerateGaitRequest, GenerateGaitResponse};
 use tandem_sim_bridge::measure::WalkFigures;
 use tandem_sim_bridge::pictures::Studio;
 use tandem_sim_bridge::simulator::SimulatorOptions;
@@ -172,6 +172,22 @@ impl<'a> Session<'a> {
         Ok(())
     }
 
+    /// The gait that an answer of the planner stands for: it comes on the topic `gait`.
+    fn published(&self, response: &GenerateGaitResponse) -> Result<tandem_msgs::Gait> {
+        let since = Instant::now();
+        loop {
+            if let Some(gait) = self.watch.gait()
+                && gait.header.stamp == response.gait_stamp
+            {
+                return Ok(gait);
+            }
+            if since.elapsed() > SERVICE_PATIENCE {
+                bail!("the planner answered, but its gait did not come on the topic gait within {SERVICE_PATIENCE:?}");
+            }
+            std::thread::sleep(Duration::from_millis(10));
+        }
+    }
+
     /// Asks a walking robot to stop; says nothing if nobody listens any more.
     fn leave(&self) {
         if self.watch.controller().is_some_and(|state| state.mode == "walking") {
@@ -188,7 +204,7 @@ impl<'a> Session<'a> {
         if !response.success {
             bail!("no gait: {}: {}", response.status, response.message);
         }
-        let gait = response.gait.to_gait()?;
+        let gait = self.published(&response)?.to_gait()?;
         println!(
             "{name}: planned in {:.3} s and {} iterations (answer after {:.3} s)",
             gait.solver.solve_time_s,

@@ -63,7 +63,7 @@ fn run() -> anyhow::Result<()> {
     let waiting = usize::try_from(waiting.get())?;
     let busy = move |_: &_| ports::failure(ports::BUSY, format!("{waiting} requests wait already: ask again later"));
     node.serve_with::<GenerateGait>("generate_gait", ServeOptions::bounded(waiting, busy), move |request| {
-        let mut response = planner.generate(&request, |iteration, elapsed| {
+        let (mut response, gait) = planner.generate(&request, |iteration, elapsed| {
             tracing::debug!(
                 "{}: iteration {} after {elapsed:?}: cost {:.6e}, violation {:.1e}",
                 request.behaviour,
@@ -73,17 +73,15 @@ fn run() -> anyhow::Result<()> {
             );
             ControlFlow::Continue(())
         });
-        response.gait.header.stamp = ros::wall_time();
-        announce(&request.behaviour, &response, &by_service);
+        announce(&request.behaviour, &mut response, gait, &by_service);
         response
     })?;
     node.serve_action::<GenerateGaitAction>("generate_gait", waiting, move |request, goal| {
-        let mut response = for_action.generate(&request, |iteration, elapsed| {
+        let (mut response, gait) = for_action.generate(&request, |iteration, elapsed| {
             goal.feedback(ports::feedback(iteration, elapsed));
             if goal.is_cancelled() { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
         });
-        response.gait.header.stamp = ros::wall_time();
-        announce(&request.behaviour, &response, &gaits);
+        announce(&request.behaviour, &mut response, gait, &gaits);
         let end = match (response.success, goal.is_cancelled()) {
             (true, _) => GoalEnd::Succeeded,
             (false, true) => GoalEnd::Cancelled,
@@ -96,11 +94,13 @@ fn run() -> anyhow::Result<()> {
     Ok(())
 }
 
-/// Says what came of a request, and publishes its gait if there is one.
-fn announce(behaviour: &str, response: &GenerateGaitResponse, gaits: &Publisher<Gait>) {
-    if response.success {
+/// Says what came of a request, and publishes its gait if there is one; the answer then carries the gait's stamp.
+fn announce(behaviour: &str, response: &mut GenerateGaitResponse, gait: Option<Gait>, gaits: &Publisher<Gait>) {
+    if let Some(mut gait) = gait {
         tracing::info!("planned {}", response.message);
-        if let Err(error) = gaits.publish(response.gait.clone()) {
+        gait.header.stamp = ros::wall_time();
+        response.gait_stamp = gait.header.stamp;
+        if let Err(error) = gaits.publish(gait) {
             tracing::error!("{error}");
         }
     } else {

@@ -28,16 +28,16 @@ impl Planner {
         Planner { robot, time_limit, find_nearest }
     }
 
-    /// Plans, or says why not, in the answer's own fields. `progress` sees every iteration of the first solve, with the time
+    /// Plans, or says why not, in the answer's own fields; the gait, where there is one, comes beside it. `progress` sees every iteration of the first solve, with the time
     /// since its start, and may stop it.
     pub fn generate(
         &self,
         message: &GenerateGaitRequest,
         mut progress: impl FnMut(&Iteration, Duration) -> ControlFlow<()>,
-    ) -> GenerateGaitResponse {
+    ) -> (GenerateGaitResponse, Option<Gait>) {
         let request = match ports::request(message, &self.robot) {
             Ok(request) => request,
-            Err(problem) => return ports::failure(ports::INVALID_REQUEST, problem),
+            Err(problem) => return (ports::failure(ports::INVALID_REQUEST, problem), None),
         };
         let start = Instant::now();
         let mut stopped = false;
@@ -47,7 +47,10 @@ impl Planner {
             flow
         });
         match result {
-            Ok(gait) => ports::success(Gait::from_gait(&gait)),
+            Ok(gait) => {
+                let gait = Gait::from_gait(&gait);
+                (ports::success(&gait), Some(gait))
+            }
             Err(error) => {
                 let spent = start.elapsed();
                 let mut response = ports::plan_error(&error, spent.as_secs_f64());
@@ -61,7 +64,7 @@ impl Planner {
                 {
                     response.message += &format!("; the nearest request that can be planned: {nearest}");
                 }
-                response
+                (response, None)
             }
         }
     }
@@ -140,7 +143,7 @@ mod tests {
         Planner::new(Robot::load(&folder).expect("the robot loads"), Duration::from_secs(60), true)
     }
 
-    fn ask(change: impl FnOnce(&mut GenerateGaitRequest)) -> GenerateGaitResponse {
+    fn ask(change: impl FnOnce(&mut GenerateGaitRequest)) -> (GenerateGaitResponse, Option<Gait>) {
         let mut message = GenerateGaitRequest { behaviour: "amble".to_string(), ..Default::default() };
         change(&mut message);
         planner().generate(&message, |_, _| ControlFlow::Continue(()))
@@ -148,26 +151,26 @@ mod tests {
 
     #[test]
     fn amble_is_planned_and_its_message_is_a_gait() {
-        let response = ask(|_| {});
+        let (response, gait) = ask(|_| {});
         assert!(response.success, "{}", response.message);
         assert_eq!(response.status, "converged");
-        let gait = response.gait.to_gait().expect("the message holds a gait");
+        let gait = gait.expect("a gait").to_gait().expect("the message holds a gait");
         assert!((gait.speed_m_s() - 0.35).abs() < 1e-6, "{}", gait.speed_m_s());
         assert!(gait.solver.solve_time_s > 0.0 && gait.solver.iterations > 0);
     }
 
     #[test]
     fn what_cannot_be_planned_is_answered_with_the_reason() {
-        let out_of_range = ask(|m| m.speed_m_s = Some(5.0).into());
-        assert!(!out_of_range.success);
+        let (out_of_range, none) = ask(|m| m.speed_m_s = Some(5.0).into());
+        assert!(!out_of_range.success && none.is_none());
         assert_eq!(out_of_range.status, ports::INVALID_REQUEST);
         assert!(out_of_range.message.contains("speed_m_s is 5"), "{}", out_of_range.message);
 
-        let not_a_number = ask(|m| m.height_m = Some(f64::NAN).into());
+        let (not_a_number, _) = ask(|m| m.height_m = Some(f64::NAN).into());
         assert_eq!(not_a_number.status, ports::INVALID_REQUEST);
         assert!(not_a_number.message.contains("height_m is NaN"), "{}", not_a_number.message);
 
-        let unknown = ask(|m| m.behaviour = "moonwalk".to_string());
+        let (unknown, _) = ask(|m| m.behaviour = "moonwalk".to_string());
         assert_eq!(unknown.status, ports::INVALID_REQUEST);
         assert!(unknown.message.contains("gait1"), "the known names: {}", unknown.message);
     }
@@ -176,7 +179,7 @@ mod tests {
     fn a_caller_can_stop_the_solver() {
         let message = GenerateGaitRequest { behaviour: "amble".to_string(), ..Default::default() };
         let mut seen = 0;
-        let response = planner().generate(&message, |_, _| {
+        let (response, _) = planner().generate(&message, |_, _| {
             seen += 1;
             if seen == 2 { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
         });

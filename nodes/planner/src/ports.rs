@@ -50,21 +50,25 @@ pub fn request(message: &GenerateGaitRequest, robot: &Robot) -> Result<GaitReque
     Ok(request)
 }
 
-/// The answer with a gait.
+/// The answer that goes with a gait; its stamp is set when the gait is published.
 #[must_use]
-pub fn success(gait: Gait) -> GenerateGaitResponse {
+pub fn success(gait: &Gait) -> GenerateGaitResponse {
     GenerateGaitResponse {
         success: true,
         status: gait.solver.status.clone(),
         message: format!("{}: {} iterations in {:.3} s", gait.name, gait.solver.iterations, gait.solver.solve_time_s),
-        gait,
+        gait: gait.name.clone(),
+        step_duration_s: gait.step_duration_s,
+        step_length_m: gait.step_length_m,
+        solver: gait.solver.clone(),
+        ..Default::default()
     }
 }
 
 /// The answer without a gait.
 #[must_use]
 pub fn failure(status: &str, message: String) -> GenerateGaitResponse {
-    GenerateGaitResponse { success: false, status: status.to_string(), message, gait: Gait::default() }
+    GenerateGaitResponse { success: false, status: status.to_string(), message, ..Default::default() }
 }
 
 /// The answer to a request that was not planned, with the solver's report where the solver ran.
@@ -82,7 +86,7 @@ pub fn plan_error(error: &PlanError, solve_time_s: f64) -> GenerateGaitResponse 
     let mut response = failure(&status, error.to_string());
     if let PlanError::NotConverged { iterations, worst, log, .. } = error {
         let last = log.last();
-        response.gait.solver = SolverReport {
+        response.solver = SolverReport {
             status,
             iterations: *iterations,
             solve_time_s,

@@ -112,6 +112,7 @@ struct Eyes {
     latched: HashMap<String, Vec<u8>>,
     types: Vec<(String, &'static str, &'static str, bag::Qos)>,
     controller: Option<ControllerState>,
+    gait: Option<tandem_msgs::Gait>,
     newest_ns: i64,
     newest_joints: Option<(i64, Instant)>,
     height_m: f64,
@@ -138,6 +139,7 @@ impl Watch {
             latched: HashMap::new(),
             types: Vec::new(),
             controller: None,
+            gait: None,
             newest_ns: 0,
             newest_joints: None,
             height_m: robot.nominal.height_m,
@@ -172,7 +174,9 @@ impl Watch {
         watch.see(node, "/diagnostics", events, |_, _: &DiagnosticArray| {})?;
         let rosout = (Qos::transient_local(1000), bag::Qos { depth: 1000, ..bag::Qos::latched() });
         watch.see(node, "/rosout", rosout, |_, _: &Log| {})?;
-        watch.see(node, "gait", latched, |_, _: &tandem_msgs::Gait| {})?;
+        watch.see(node, "gait", latched, |eyes: &mut Eyes, message: &tandem_msgs::Gait| {
+            eyes.gait = Some(message.clone());
+        })?;
         watch.see(node, "robot_description", latched, |_, _: &tandem_msgs::std_msgs::String| {})?;
         Ok(watch)
     }
@@ -270,6 +274,11 @@ impl Watch {
     /// The controller's last word.
     pub fn controller(&self) -> Option<ControllerState> {
         lock(&self.eyes).controller.clone()
+    }
+
+    /// The newest gait on its topic.
+    pub fn gait(&self) -> Option<tandem_msgs::Gait> {
+        lock(&self.eyes).gait.clone()
     }
 
     /// How long no new joint state has come.
