@@ -90,7 +90,8 @@ def parameter_table(client, node):
 
     names = sorted(set(result(parameters.list_parameters()).result.names) - {"use_sim_time"})
     values = result(parameters.get_parameters(names)).values
-    descriptors = result(parameters.describe_parameters(names)).descriptors
+    # One at a time, as `ros2 param describe` does: an answer longer than a datagram does not arrive (docs/troubleshooting.md).
+    descriptors = [result(parameters.describe_parameters([name])).descriptors[0] for name in names]
     types = {v: k.removeprefix("PARAMETER_").lower() for k, v in vars(ParameterType).items() if k.startswith("PARAMETER_")}
     lines = ["| parameter | type | default | range | set | |", "|---|---|---|---|---|---|"]
     for name, value, descriptor in zip(names, values, descriptors, strict=True):
