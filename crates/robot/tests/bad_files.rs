@@ -1,5 +1,9 @@
 //! Every way in which a robot's folder can be wrong gives one clear error.
 
+#[path = "../../rigid_body/tests/mutated/mod.rs"]
+mod mutated;
+
+use mutated::mutated;
 use robot::{Robot, RobotError};
 
 const TOML: &str = include_str!("../../../config/robots/vision60/robot.toml");
@@ -133,4 +137,35 @@ fn folders_that_cannot_be_read() {
     assert_says(Robot::load(folder.path()).expect_err("too large"), &["vision60.urdf", "larger"]);
     std::fs::write(folder.path().join("vision60.urdf"), URDF).expect("writes");
     Robot::load(folder.path()).expect("a copy of the project's own robot");
+}
+
+/// Mutated robot files load or are refused, and never panic; what loads is within the file's own rules.
+/// TANDEM_FUZZ_CASES sets how many.
+#[test]
+fn mutated_files_never_panic() {
+    let cases = std::env::var("TANDEM_FUZZ_CASES").map_or(1_000, |n| n.parse().expect("a number of cases"));
+    let mut state = 2026_u64;
+    let mut random = || {
+        // Marsaglia's xorshift: any generator does, if it is the same on every run.
+        state ^= state << 13;
+        state ^= state >> 7;
+        state ^= state << 17;
+        (state >> 11) as f64 / (1_u64 << 52) as f64 - 1.0
+    };
+    let mut loaded = 0;
+    for _ in 0..cases {
+        let text = mutated(TOML, &mut random);
+        if let Ok(robot) = Robot::from_toml_str(&text, URDF) {
+            loaded += 1;
+            assert!(robot.nominal.height_m > 0.0 && robot.toe_radius_m > 0.0, "{text}");
+            for leg in &robot.legs {
+                for joint in 0..3 {
+                    let range = leg.position_min_rad[joint]..=leg.position_max_rad[joint];
+                    assert!(range.contains(&leg.stand_rad[joint]) && range.contains(&leg.sit_rad[joint]), "{text}");
+                }
+            }
+            assert!(robot.limits.drive_torque_nm.iter().all(|limit| limit.is_finite() && *limit > 0.0), "{text}");
+        }
+    }
+    assert!(loaded > cases / 100 && loaded < cases, "{loaded} of {cases} loaded");
 }
