@@ -1,16 +1,18 @@
 //! `tandem simulate`: a gait file walks in MuJoCo, without ROS.
 
 use crate::robots::RobotArguments;
-use anyhow::{Context, Result};
+use anyhow::{Context, Result, bail};
+use control::DriveMode;
 use gait::Gait;
+use joint_bus::{BusConfig, DriveModel};
 use replay::{BodySample, ReplayError, RunInfo, RunRecorder};
 use robot::Robot;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
-use std::time::Instant;
+use std::time::{Duration, Instant};
 use tandem_sim_bridge::pictures::{self, Studio};
 use tandem_sim_bridge::simulator::{Posture, Push, RobotState, SimulatorOptions, Terrain};
-use tandem_sim_bridge::walk::{self, Cycle, End, Start, Walk, WalkOptions};
+use tandem_sim_bridge::walk::{self, Cycle, Drives, End, Start, Walk, WalkOptions};
 
 /// Walk gait files in MuJoCo under the controller's own step
 ///
@@ -59,6 +61,15 @@ pub struct Arguments {
     /// Time that a command takes to the drives, a multiple of the control period, s
     #[arg(long, value_name = "S", default_value_t = 0.0)]
     delay: f64,
+    /// Emulated drives behind the frames of this wiring file, in place of ideal ones (config/hardware/vision60_can.toml)
+    #[arg(long, value_name = "FILE", conflicts_with = "delay")]
+    bus: Option<PathBuf>,
+    /// With --bus: how long a drive takes from a frame to its effect, s
+    #[arg(long, value_name = "S", default_value_t = 0.0, requires = "bus")]
+    drive_latency: f64,
+    /// Close the law in the controller, once a control period, instead of at the drives
+    #[arg(long)]
+    torque_mode: bool,
     /// Time between two control cycles, s
     #[arg(long, value_name = "S", default_value_t = 1e-3)]
     period: f64,
@@ -88,7 +99,7 @@ enum StartArgument {
 /// Runs the subcommand.
 pub fn run(arguments: &Arguments) -> Result<ExitCode> {
     let robot = arguments.robot.load()?;
-    let options = arguments.options();
+    let options = arguments.options(&robot)?;
     let mut all_up = true;
     for file in &arguments.files {
         let text = std::fs::read_to_string(file).with_context(|| format!("cannot read {}", file.display()))?;
@@ -110,7 +121,8 @@ pub fn run(arguments: &Arguments) -> Result<ExitCode> {
 }
 
 impl Arguments {
-    fn options(&self) -> WalkOptions {
+    fn options(&self, robot: &Robot) -> Result<WalkOptions> {
+        let drives = self.bus.as_ref().map(|file| self.drives(robot, file)).transpose()?;
         let terrain = if let Some(slope) = &self.slope {
             Terrain::Slope {
                 uphill_rad: slope[0].to_radians(),
@@ -123,8 +135,10 @@ impl Arguments {
         } else {
             Terrain::Flat
         };
-        WalkOptions {
+        Ok(WalkOptions {
             seconds: self.seconds,
+            drive_mode: if self.torque_mode { DriveMode::Torque } else { DriveMode::Impedance },
+            drives,
             start: match self.start {
                 StartArgument::Gait => Start::Gait,
                 StartArgument::Stand => Start::Posture(Posture::Stand),
@@ -144,7 +158,20 @@ impl Arguments {
                 joint_noise_rad: self.noise,
                 ..SimulatorOptions::default()
             },
+        })
+    }
+
+    fn drives(&self, robot: &Robot, file: &Path) -> Result<Drives> {
+        let text = std::fs::read_to_string(file).with_context(|| format!("cannot read {}", file.display()))?;
+        let bus = BusConfig::from_toml_str(&text, &robot.name, &robot.joint_names())
+            .with_context(|| file.display().to_string())?;
+        if !(0.0..=0.015).contains(&self.drive_latency) {
+            bail!("--drive-latency is {} s, expected 0 to 0.015", self.drive_latency);
         }
+        // The emulation has one limit for all drives; the simulator still keeps each joint's own.
+        let torque_limit_nm = robot.limits.drive_torque_nm.into_iter().fold(0.0, f64::max);
+        let latency = Duration::from_secs_f64(self.drive_latency);
+        Ok(Drives { bus, model: DriveModel { torque_limit_nm, latency, ..DriveModel::default() } })
     }
 }
 
@@ -287,6 +314,9 @@ impl Done {
             End::Fell { at_s, fall } => format!("FELL at {at_s:.3} s: {fall}"),
             End::Fault { at_s, fault } => format!("STOPPED at {at_s:.3} s by a fault: {fault}"),
         };
+        let drives = options.drives.as_ref().map_or(String::new(), |d| {
+            format!("  emulated drives on {} buses, latency {:?}\n", d.bus.interfaces.len(), d.model.latency)
+        });
         let mut text = format!(
             "{} on {}: {:.3} s steps, {ground}, friction {}, start noise {} rad, seed {}\n  {end} ({:.1} s)\n",
             gait.name,
@@ -297,6 +327,7 @@ impl Done {
             options.simulator.seed,
             f.time_s
         );
+        text += &drives;
         text += &format!(
             "  speed       asked {:.3} m/s, got {:.3} m/s ahead and {:.3} m/s to the left\n",
             gait.speed_m_s(),

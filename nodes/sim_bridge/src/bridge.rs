@@ -9,6 +9,7 @@
 //! controller that starts late finds it.
 
 use crate::config::{Config, Pace};
+use crate::drives::DriveBench;
 use crate::inbox::{Answer, Ask, Inbox, Request};
 use crate::ports;
 use crate::simulator::{Posture, Push, Simulator, SimulatorError};
@@ -32,6 +33,8 @@ use tandem_msgs::tf2_msgs::TFMessage;
 const REPUBLISH: Duration = Duration::from_millis(50);
 /// A service gives up on the simulation's thread after this time.
 const SERVICE_PATIENCE: Duration = Duration::from_secs(3);
+/// Behind CAN: how often frames are looked for between two control periods.
+const FRAME_POLL: Duration = Duration::from_micros(200);
 /// In realtime, what is more than this behind the wall clock is given up instead of being made up for.
 const MAX_LAG: Duration = Duration::from_millis(50);
 /// How often the real-time factor and diagnostics are published.
@@ -98,6 +101,9 @@ pub struct Bridge {
     inbox: Arc<Inbox>,
     refused_commands: Arc<AtomicU64>,
     paused: bool,
+    /// Emulated drives on CAN, in place of `joint_command`.
+    bench: Option<DriveBench>,
+    started: Instant,
     /// Control periods since the program's start.
     period: u64,
     counts: Counts,
@@ -105,11 +111,12 @@ pub struct Bridge {
 }
 
 impl Bridge {
-    /// Opens the topics and services and puts the robot down.
+    /// Opens the topics and services and puts the robot down. With `bench` the joints hang on emulated drives, and
+    /// `joint_command` is not listened to.
     ///
     /// # Errors
     /// What the middleware or the simulator refuse.
-    pub fn new(node: &Node, config: Config, robot: &Robot) -> Result<Self, BridgeError> {
+    pub fn new(node: &Node, config: Config, robot: &Robot, bench: Option<DriveBench>) -> Result<Self, BridgeError> {
         let simulator = Simulator::new(robot, config.simulator.clone())?;
         let joint_names = robot.joint_names();
         let fast = match config.pace {
@@ -138,18 +145,20 @@ impl Bridge {
         let inbox = Arc::new(Inbox::default());
         let refused_commands = Arc::new(AtomicU64::new(0));
         let (to, names, refused) = (Arc::clone(&inbox), joint_names.clone(), Arc::clone(&refused_commands));
-        node.subscribe("joint_command", fast, move |message: tandem_msgs::JointCommand| {
-            match ports::joint_command(&message, &names) {
-                Ok(command) => to.put_command(Answer { stamp_ns: message.header.stamp.nanoseconds(), command }),
-                Err(reason) => {
-                    // Said once in ten thousand: a wrong publisher at 1 kHz must not fill the log.
-                    if refused.fetch_add(1, Ordering::Relaxed).is_multiple_of(10_000) {
-                        tracing::warn!("joint_command refused: {reason}");
+        if bench.is_none() {
+            node.subscribe("joint_command", fast, move |message: tandem_msgs::JointCommand| {
+                match ports::joint_command(&message, &names) {
+                    Ok(command) => to.put_command(Answer { stamp_ns: message.header.stamp.nanoseconds(), command }),
+                    Err(reason) => {
+                        // Said once in ten thousand: a wrong publisher at 1 kHz must not fill the log.
+                        if refused.fetch_add(1, Ordering::Relaxed).is_multiple_of(10_000) {
+                            tracing::warn!("joint_command refused: {reason}");
+                        }
+                        to.put_refusal(reason);
                     }
-                    to.put_refusal(reason);
                 }
-            }
-        })?;
+            })?;
+        }
         let to = Arc::clone(&inbox);
         node.subscribe("push", Qos::reliable(10), move |message: WrenchStamped| {
             let f = message.wrench.force;
@@ -182,6 +191,8 @@ impl Bridge {
             ports,
             inbox,
             refused_commands,
+            bench,
+            started: Instant::now(),
             period: 1,
             counts: Counts::default(),
             report: None,
@@ -241,7 +252,16 @@ impl Bridge {
 
     fn advance(&mut self) {
         for _ in 0..self.config.steps_per_period {
-            self.simulator.step();
+            match &mut self.bench {
+                None => self.simulator.step(),
+                Some(bench) => {
+                    let (q, v) = self.simulator.joints();
+                    // The drives live on the wall clock, as the frames do.
+                    let now = self.started.elapsed();
+                    bench.answer(now, &q, &v);
+                    self.simulator.step_with_torque(&bench.torques(now, &q, &v));
+                }
+            }
         }
         self.period += 1;
         self.counts.cycles += 1;
@@ -348,7 +368,9 @@ impl Bridge {
                     self.note_failure(&error);
                 }
                 self.report(Instant::now());
-                self.inbox.wait_for_request(REPUBLISH);
+                let patience = if self.bench.is_some() { self.config.period } else { REPUBLISH };
+                self.inbox.wait_for_request(patience);
+                self.answer_until(Instant::now() + self.config.period);
                 next = Instant::now();
                 continue;
             }
@@ -369,6 +391,7 @@ impl Bridge {
             }
             self.report(Instant::now());
             next += wall_period;
+            self.answer_until(next);
             let now = Instant::now();
             match next.checked_duration_since(now) {
                 Some(early) => std::thread::sleep(early),
@@ -380,6 +403,16 @@ impl Bridge {
             }
         }
         Ok(())
+    }
+
+    /// Behind CAN: goes on answering frames until just before `next`.
+    fn answer_until(&mut self, next: Instant) {
+        let Some(bench) = &mut self.bench else { return };
+        let (q, v) = self.simulator.joints();
+        while Instant::now() + FRAME_POLL < next {
+            bench.answer(self.started.elapsed(), &q, &v);
+            std::thread::sleep(FRAME_POLL);
+        }
     }
 
     fn note_failure(&mut self, error: &PublishError) {
@@ -403,7 +436,10 @@ impl Bridge {
         self.report = Some((now, simulated_s));
         let factor = (simulated_s - from_s) / wall.as_secs_f64();
         let fallen = self.simulator.fallen();
-        let stale = self.simulator.command_is_stale();
+        let stale = match &self.bench {
+            None => self.simulator.command_is_stale(),
+            Some(bench) => bench.following() == 0,
+        };
         let (level, message) = match (fallen, stale, self.paused) {
             (Some(fall), _, _) => (DiagnosticStatus::ERROR, fall.to_string()),
             (None, _, true) => (DiagnosticStatus::OK, "paused".into()),
@@ -426,6 +462,12 @@ impl Bridge {
                 value("publish_failures", self.counts.publish_failures.to_string()),
             ],
         };
+        let mut status = status;
+        if let Some(bench) = &self.bench {
+            status.values.push(value("drives_following", bench.following().to_string()));
+            status.values.push(value("replies_lost", bench.lost_replies().to_string()));
+            status.values.push(value("hottest_drive_c", format!("{:.0}", bench.hottest_c())));
+        }
         let header = Header { stamp: Time::from_nanoseconds(self.stamp_ns()), frame_id: String::new() };
         let sent = self
             .ports

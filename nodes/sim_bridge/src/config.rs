@@ -20,6 +20,10 @@ pub struct Config {
     pub pace: Pace,
     /// The robot's folder.
     pub robot_folder: PathBuf,
+    /// The wiring file of the emulated drives (with `--can`).
+    pub bus_file: PathBuf,
+    /// How long an emulated drive takes from a frame to its effect.
+    pub drive_latency: Duration,
     /// What the simulator is built with.
     pub simulator: SimulatorOptions,
     /// Physics steps in a control period.
@@ -81,6 +85,19 @@ impl Config {
             .read_only()
             .declare()?
             .get();
+        let bus_file = node
+            .parameter("bus_file", "config/hardware/vision60_can.toml".to_owned())
+            .description("With --can: the wiring file of the emulated drives; looked for as robot is.")
+            .read_only()
+            .declare()?
+            .get();
+        let drive_latency_s = number(
+            "drive_latency_s",
+            0.0,
+            0.0,
+            0.015,
+            "With --can: from a frame's arrival at a drive to its effect, s.",
+        )?;
         let timestep_s = number("timestep_s", 5e-4, 1e-5, 2e-3, "Physics step, s.")?;
         let period_s = number(
             "control_period_s",
@@ -149,6 +166,8 @@ impl Config {
         Ok(Self {
             pace: if mode == "lockstep" { Pace::Lockstep } else { Pace::Realtime },
             robot_folder: robot_folder.into(),
+            bus_file: bus_file.into(),
+            drive_latency: Duration::from_secs_f64(drive_latency_s),
             simulator,
             steps_per_period: steps as u32,
             period: Duration::from_nanos((period_s * 1e9).round() as u64),

@@ -2,6 +2,7 @@
 
 pub mod bridge;
 pub mod config;
+pub mod drives;
 pub mod inbox;
 pub mod measure;
 pub mod pictures;
@@ -11,13 +12,13 @@ pub mod walk;
 
 use std::path::{Path, PathBuf};
 
-/// A folder given relative to the working folder or, where it is not there, to a folder above the program: the program of
-/// a clone finds the clone's own `config` from anywhere.
+/// A folder or file given relative to the working folder or, where it is not there, to a folder above the program: the
+/// program of a clone finds the clone's own `config` from anywhere.
 ///
 /// # Errors
 /// Neither is there; both are named.
-pub fn find_folder(given: &Path) -> Result<PathBuf, FolderError> {
-    if given.is_dir() {
+pub fn find(given: &Path) -> Result<PathBuf, NotFound> {
+    if given.exists() {
         return Ok(given.into());
     }
     let program = std::env::current_exe().unwrap_or_default();
@@ -25,14 +26,14 @@ pub fn find_folder(given: &Path) -> Result<PathBuf, FolderError> {
         .ancestors()
         .skip(1)
         .map(|above| above.join(given))
-        .find(|folder| given.is_relative() && folder.is_dir())
-        .ok_or_else(|| FolderError { given: given.into(), program })
+        .find(|path| given.is_relative() && path.exists())
+        .ok_or_else(|| NotFound { given: given.into(), program })
 }
 
-/// A folder is not there.
+/// A file or folder is not there.
 #[derive(Debug, thiserror::Error)]
-#[error("folder {} is neither in the working folder nor above {}: give its whole path", given.display(), program.display())]
-pub struct FolderError {
+#[error("{} is neither in the working folder nor above {}: give its whole path", given.display(), program.display())]
+pub struct NotFound {
     given: PathBuf,
     program: PathBuf,
 }

@@ -1,9 +1,13 @@
 //! The controller's own step and the simulator in one process: the same code as on the robot, without a network between.
 
+use crate::drives::{DriveBench, Speech};
 use crate::measure::{Measure, WalkFigures};
 use crate::simulator::{Fall, Posture, Push, RobotState, Simulator, SimulatorError, SimulatorOptions};
-use control::{Config, Controller, Input, JointCommand, JointState, Mode, Output, PreparedGait, Request, Tilt};
+use control::{
+    Config, Controller, DriveMode, Input, JointCommand, JointState, Mode, Output, PreparedGait, Request, Tilt,
+};
 use gait::Gait;
+use joint_bus::{BusConfig, DriveBus, DriveModel, JointBus, Link, Readings, memory};
 use robot::Robot;
 use std::collections::VecDeque;
 use std::time::Duration;
@@ -20,6 +24,15 @@ pub enum Start {
     Posture(Posture),
 }
 
+/// Drives on buses instead of the simulator's own: the command goes through the frames meant for the robot.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Drives {
+    /// The wiring file's content.
+    pub bus: BusConfig,
+    /// How the drives behave; the torque limit is the joint's.
+    pub model: DriveModel,
+}
+
 /// What is walked, and on what.
 #[derive(Clone, Debug, PartialEq)]
 pub struct WalkOptions {
@@ -29,8 +42,12 @@ pub struct WalkOptions {
     pub start: Start,
     /// Time between two control cycles, s; a multiple of the physics step.
     pub period_s: f64,
-    /// How long a command is on its way to the drives, s; a multiple of the control period.
+    /// How long a command is on its way to the simulator's own drives, s; a multiple of the control period.
     pub command_delay_s: f64,
+    /// Where the law is closed: at the drive, or in the controller once a control period.
+    pub drive_mode: DriveMode,
+    /// Emulated drives on buses within the process, in place of the simulator's own.
+    pub drives: Option<Drives>,
     /// Pushes, their time counted from the first step.
     pub pushes: Vec<Push>,
     /// The simulator's options.
@@ -44,6 +61,8 @@ impl Default for WalkOptions {
             start: Start::Gait,
             period_s: 1e-3,
             command_delay_s: 0.0,
+            drive_mode: DriveMode::Impedance,
+            drives: None,
             pushes: Vec::new(),
             simulator: SimulatorOptions::default(),
         }
@@ -92,6 +111,9 @@ pub enum WalkError {
     /// The simulator.
     #[error(transparent)]
     Simulator(#[from] SimulatorError),
+    /// The wiring file does not fit what the controller sends.
+    #[error(transparent)]
+    Bus(#[from] joint_bus::BusConfigError),
     /// The gait is not for this robot.
     #[error(transparent)]
     Gait(#[from] gait::GaitError),
@@ -124,6 +146,107 @@ fn multiple(name: &str, whole: f64, part: f64) -> Result<u32, WalkError> {
     }
 }
 
+/// How commands reach the joints and states come back.
+enum Path {
+    /// The simulator's own drives, and commands on their way to them.
+    Own { on_the_way: VecDeque<JointCommand>, delay_cycles: usize },
+    /// Emulated drives behind frames.
+    Bus { bus: Box<dyn JointBus>, bench: Box<DriveBench>, readings: Readings },
+}
+
+impl Path {
+    fn new(options: &WalkOptions, config: &Config, delay_cycles: usize) -> Result<Self, WalkError> {
+        let Some(drives) = &options.drives else {
+            return Ok(Self::Own { on_the_way: VecDeque::with_capacity(delay_cycles + 1), delay_cycles });
+        };
+        if delay_cycles > 0 {
+            return Err(WalkError::Option(
+                "a command's delay belongs to the drives' model where drives are emulated".into(),
+            ));
+        }
+        drives.bus.check_ranges(config)?;
+        let (near, far): (Vec<_>, Vec<Box<dyn Link + Send>>) = drives
+            .bus
+            .interfaces
+            .iter()
+            .map(|_| {
+                let (near, far) = memory::pair();
+                (near, Box::new(far) as Box<dyn Link + Send>)
+            })
+            .unzip();
+        let bus = Box::new(DriveBus::new(drives.bus.clone(), Speech::of(&drives.bus), near));
+        let bench = Box::new(DriveBench::new(drives.bus.clone(), drives.model, far));
+        let mut path = Self::Bus { bus, bench, readings: Readings::default() };
+        path.greet();
+        Ok(path)
+    }
+
+    /// A drive says where it is only when it is spoken to: the first words come before the first cycle.
+    fn greet(&mut self) {
+        if let Self::Bus { bus, .. } = self {
+            bus.write(&JointCommand::LIMP, false, Duration::ZERO);
+        }
+    }
+
+    /// The state that the controller sees.
+    fn read(&mut self, simulator: &Simulator, now: Duration) -> Option<JointState> {
+        let (position_rad, velocity_rad_s) = simulator.joints();
+        match self {
+            Self::Own { .. } => Some(JointState {
+                stamp: now,
+                arrived: [now; 12],
+                position_rad,
+                velocity_rad_s,
+                temperature_c: None,
+                drive_error: [0; 12],
+            }),
+            Self::Bus { bus, bench, readings } => {
+                // What was written in the last cycle has been answered; only the greeting still waits.
+                if now.is_zero() {
+                    bench.answer(now, &position_rad, &velocity_rad_s);
+                }
+                bus.read(now, readings);
+                readings.joint_state()
+            }
+        }
+    }
+
+    fn fault(&self, now: Duration) -> Option<control::FaultReport> {
+        match self {
+            Self::Own { .. } => None,
+            Self::Bus { bus, .. } => bus.fault(now),
+        }
+    }
+
+    fn write(&mut self, output: &Output, simulator: &mut Simulator, now: Duration) {
+        match self {
+            Self::Own { on_the_way, delay_cycles } => {
+                on_the_way.push_back(output.command);
+                if on_the_way.len() > *delay_cycles
+                    && let Some(command) = on_the_way.pop_front()
+                {
+                    simulator.command(&command);
+                }
+            }
+            Self::Bus { bus, bench, .. } => {
+                bus.write(&output.command, output.drives_on, now);
+                let (q, v) = simulator.joints();
+                bench.answer(now, &q, &v);
+            }
+        }
+    }
+
+    fn step(&mut self, simulator: &mut Simulator, now: Duration) {
+        match self {
+            Self::Own { .. } => simulator.step(),
+            Self::Bus { bench, .. } => {
+                let (q, v) = simulator.joints();
+                simulator.step_with_torque(&bench.torques(now, &q, &v));
+            }
+        }
+    }
+}
+
 fn fault(output: &Output, robot: &Robot) -> String {
     output.report.map_or_else(
         || "no fault was reported".into(),
@@ -147,7 +270,12 @@ pub struct Cycle<'a> {
 
 /// The controller's configuration in a walk with these options.
 pub fn controller_config(robot: &Robot, options: &WalkOptions) -> Config {
-    Config { simulation_start: true, control_period_s: options.period_s, ..Config::for_robot(robot) }
+    Config {
+        simulation_start: true,
+        control_period_s: options.period_s,
+        drive_mode: options.drive_mode,
+        ..Config::for_robot(robot)
+    }
 }
 
 /// Walks. `observe` sees the simulator, the state and the controller's cycle, before the physics moves on.
@@ -168,6 +296,7 @@ pub fn walk(
     let config = controller_config(robot, options);
     let prepared = PreparedGait::new(gait, &config)?;
     let torque_limit_nm = config.torque_limit_nm;
+    let mut path = Path::new(options, &config, delay_cycles)?;
     let mut controller = Controller::new(config)?;
     let mut simulator = Simulator::new(robot, options.simulator.clone())?;
     let requests: &[Request] = match options.start {
@@ -181,24 +310,17 @@ pub fn walk(
         }
     };
     let mut measure = Measure::new(gait.step_duration_s, torque_limit_nm);
-    let mut on_the_way: VecDeque<JointCommand> = VecDeque::with_capacity(delay_cycles + 1);
     let mut walking_from_s = None;
     let period = Duration::from_secs_f64(options.period_s);
     for cycle in 0u32.. {
         let now = period * cycle;
         let state = simulator.state();
-        let joints = JointState {
-            stamp: now,
-            arrived: [now; 12],
-            position_rad: state.joint_position_rad,
-            velocity_rad_s: state.joint_velocity_rad_s,
-            temperature_c: None,
-            drive_error: [0; 12],
-        };
+        let joints = path.read(&simulator, now);
         let [roll_rad, pitch_rad, _] = state.roll_pitch_yaw();
         let first = cycle == 0;
         let input = Input {
-            joints: Some(&joints),
+            joints: joints.as_ref(),
+            fault: path.fault(now),
             tilt: Some(Tilt { roll_rad, pitch_rad }),
             requests: if first { requests } else { &[] },
             gait: first.then_some(&prepared),
@@ -216,14 +338,9 @@ pub fn walk(
                 simulator.push(Push { start_s: push.start_s + state.time_s, ..*push })?;
             }
         }
-        on_the_way.push_back(output.command);
-        if on_the_way.len() > delay_cycles
-            && let Some(command) = on_the_way.pop_front()
-        {
-            simulator.command(&command);
-        }
-        for _ in 0..steps_per_cycle {
-            simulator.step();
+        path.write(&output, &mut simulator, now);
+        for step in 0..steps_per_cycle {
+            path.step(&mut simulator, now + Duration::from_secs_f64(options.simulator.timestep_s) * step);
         }
         let after = simulator.state();
         let end = match walking_from_s {

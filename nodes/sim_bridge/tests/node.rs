@@ -197,6 +197,19 @@ fn pause_step_and_reset_do_what_they_say() {
 }
 
 #[test]
+fn a_can_interface_that_is_not_there_is_named() {
+    let output = Command::new(env!("CARGO_BIN_EXE_tandem_sim_bridge"))
+        .args(["--can", "nocan0,nocan1,nocan2,nocan3"])
+        .env("ROS_DOMAIN_ID", "46")
+        .env("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
+        .output()
+        .unwrap();
+    let text = String::from_utf8(output.stderr).unwrap();
+    assert!(!output.status.success());
+    assert!(text.contains("nocan0 is down") && text.contains("ip link set nocan0 up"), "{text}");
+}
+
+#[test]
 fn a_bad_parameter_is_one_clear_error() {
     for (parameter, expected) in [
         ("mode:=warp", "expected one of"),

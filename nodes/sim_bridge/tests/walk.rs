@@ -1,12 +1,13 @@
 //! The controller and the simulator together.
 
-use control::Mode;
+use control::{DriveMode, Mode};
 use gait::Gait;
+use joint_bus::{BusConfig, DriveModel};
 use robot::Robot;
 use std::path::Path;
 use tandem_sim_bridge::pictures::{self, Studio};
 use tandem_sim_bridge::simulator::{Posture, Push, SimulatorOptions};
-use tandem_sim_bridge::walk::{End, Start, Walk, WalkError, WalkOptions, walk};
+use tandem_sim_bridge::walk::{Drives, End, Start, Walk, WalkError, WalkOptions, walk};
 
 fn vision60() -> Robot {
     Robot::load(&Path::new(env!("CARGO_MANIFEST_DIR")).join("../../config/robots/vision60")).unwrap()
@@ -99,4 +100,39 @@ fn a_stride_is_pictured_from_samples() {
     }
     let short = Studio::new(&robot, &options.simulator, &gait, &samples[..800], 0.0).err().unwrap().to_string();
     assert!(short.contains("0.80 s"), "{short}");
+}
+
+/// The wiring file, frames and drives that are meant for the robot, moved by MuJoCo.
+#[test]
+fn it_walks_on_emulated_drives_over_both_protocols() {
+    let robot = vision60();
+    let file = include_str!("../../../config/hardware/vision60_can.toml");
+    for protocol in ["mit", "registers"] {
+        let text = file.replacen("protocol = \"mit\"", &format!("protocol = \"{protocol}\""), 1);
+        let bus = BusConfig::from_toml_str(&text, "vision60", &robot.joint_names()).unwrap();
+        for (start, drive_mode) in [
+            (Start::Gait, DriveMode::Impedance),
+            (Start::Posture(Posture::Sit), DriveMode::Impedance),
+            (Start::Gait, DriveMode::Torque),
+        ] {
+            let drives = Some(Drives { bus: bus.clone(), model: DriveModel::default() });
+            let walk = run(WalkOptions { seconds: 6.0, start, drive_mode, drives, ..WalkOptions::default() }).unwrap();
+            assert_eq!(walk.end, End::Upright, "{protocol} {start:?} {drive_mode:?}");
+            assert!(
+                (walk.figures.speed_m_s - 0.36).abs() < 0.05,
+                "{protocol} {start:?} {drive_mode:?} {:?}",
+                walk.figures
+            );
+        }
+    }
+}
+
+#[test]
+fn drives_whose_numbers_cannot_carry_the_commands_are_refused() {
+    let file =
+        include_str!("../../../config/hardware/vision60_can.toml").replacen("torque_nm = 90.0", "torque_nm = 40.0", 1);
+    let bus = BusConfig::from_toml_str(&file, "vision60", &vision60().joint_names()).unwrap();
+    let drives = Some(Drives { bus, model: DriveModel::default() });
+    let error = run(WalkOptions { drives, ..WalkOptions::default() }).unwrap_err().to_string();
+    assert!(error.contains("ranges.torque_nm"), "{error}");
 }

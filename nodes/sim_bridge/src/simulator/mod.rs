@@ -446,6 +446,11 @@ impl Simulator {
         let command = if self.command_is_stale() { &self.damping } else { &self.command };
         let (position, velocity) = self.joints();
         let torque = command.torque(&position, &velocity);
+        self.step_with_torque(&torque);
+    }
+
+    /// One physics step with torques that come from elsewhere (emulated drives), limited to what the drives can give, Nm.
+    pub fn step_with_torque(&mut self, torque: &[f64; JOINTS]) {
         for j in 0..JOINTS {
             // A torque that is not finite can only come from a state that is not: it must not reach MuJoCo either.
             let limited = torque[j].clamp(-self.torque_limit_nm[j], self.torque_limit_nm[j]);
@@ -469,7 +474,8 @@ impl Simulator {
         self.step as f64 * self.options.timestep_s
     }
 
-    fn joints(&self) -> ([f64; JOINTS], [f64; JOINTS]) {
+    /// Joint positions, rad, and velocities, rad/s.
+    pub fn joints(&self) -> ([f64; JOINTS], [f64; JOINTS]) {
         let (qpos, qvel) = (self.data.qpos(), self.data.qvel());
         (std::array::from_fn(|j| qpos[self.position_at[j]]), std::array::from_fn(|j| qvel[self.velocity_at[j]]))
     }
