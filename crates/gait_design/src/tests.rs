@@ -80,7 +80,7 @@ fn the_five_gaits_of_table_i_converge_to_the_independent_optimum() {
         let request = GaitRequest::named(name, &robot).unwrap();
         let plan = plan(&robot, &request, &PlanOptions::default(), go_on).unwrap();
         let solver = &plan.gait.solver;
-        assert!(solver.iterations <= 15, "{name} took {} iterations", solver.iterations);
+        assert!(solver.iterations <= 9, "{name} took {} iterations", solver.iterations);
         assert!(solver.max_violation <= 1e-5, "{name} violates a constraint by {}", solver.max_violation);
         assert!(solver.objective <= peer * 1.001, "{name} costs {}, the peer {peer}", solver.objective);
         assert!(
@@ -210,9 +210,12 @@ fn the_condensed_subproblem_walks_the_sparse_one_s_path_to_the_same_optimum() {
         let sparse = solver.solve(&mut program, &start, go_on).unwrap();
         let condensed = solver.solve_with(&mut program, &mut Condensed::default(), &start, go_on).unwrap();
         assert_eq!(condensed.status, Status::Converged, "{name}");
-        assert_eq!(sparse.iterations(), condensed.iterations(), "{name}");
-        assert!((sparse.objective - condensed.objective).abs() < 1e-8, "{name}");
-        for (a, b) in sparse.log.iter().zip(&condensed.log) {
+        assert!(sparse.iterations().abs_diff(condensed.iterations()) <= 1, "{name}");
+        assert!((sparse.objective - condensed.objective).abs() < 2e-8, "{name}");
+        // Extrapolation magnifies what Clarabel's tolerance leaves, so the paths are one only up to there.
+        let plain = condensed.log.iter().take_while(|i| !i.accelerated).count();
+        assert!(plain >= 3, "{name}");
+        for (a, b) in sparse.log.iter().zip(&condensed.log[..plain]) {
             assert!((a.objective - b.objective).abs() < 1e-6, "{name}, iteration {}: {a:?}, {b:?}", a.number);
         }
     }

@@ -98,6 +98,8 @@ pub struct Iteration {
     pub qp_iterations: u32,
     /// Whether constraints had to be relaxed for the subproblem to have a solution.
     pub elastic: bool,
+    /// Whether the step taken was extrapolated from those before it.
+    pub accelerated: bool,
 }
 
 /// What a solve came to.
@@ -132,6 +134,9 @@ pub struct SqpSolver {
 
 /// Constraints named when a solve ends infeasible.
 const NAMED: usize = 5;
+/// Steps are extrapolated where the subproblem promises at most this, relative to max(1, |f|): further out the steps are not
+/// yet those of one linear map.
+const TAIL: f64 = 1e-5;
 /// A step shorter than this is no progress.
 const SHORTEST_STEP: f64 = 1e-8;
 
@@ -189,6 +194,7 @@ impl SqpSolver {
         let mut log: Vec<Iteration> = Vec::new();
         let mut trial = vec![0.0; n];
         let mut trial_constraints = vec![0.0; m];
+        let mut past = Acceleration::default();
         let violation = |g: &[f64], i: usize| outside(g[i], bounds.constraint_lower[i], bounds.constraint_upper[i]);
 
         let status = loop {
@@ -219,7 +225,7 @@ impl SqpSolver {
             }
             multipliers.clone_from(&step.multipliers);
             let slope: f64 = at.gradient.iter().zip(&step.step).map(|(g, p)| g * p).sum();
-            let curvature = quadratic(problem, &at, &step.step);
+            let curvature = bilinear(problem, &at, &step.step, &step.step);
             let mut iteration = Iteration {
                 number: log.len() as u32 + 1,
                 objective: at.objective,
@@ -230,6 +236,7 @@ impl SqpSolver {
                 step_norm: step.step.iter().fold(0.0, |a: f64, p| a.max(p.abs())),
                 qp_iterations: step.iterations,
                 elastic: relaxed,
+                accelerated: false,
             };
             let scale = at.objective.abs().max(1.0);
             let feasible = max_violation <= self.settings.constraint_tolerance;
@@ -258,43 +265,64 @@ impl SqpSolver {
             let merit =
                 |objective: f64, g: &[f64]| objective + (0..m).map(|i| prices[i] * violation(g, i)).sum::<f64>();
             let merit_here = merit(at.objective, &at.constraints);
-            let linearised = linearised(problem, &at, &step.step);
             let broken_here: f64 = (0..m).map(|i| prices[i] * violation(&at.constraints, i)).sum();
-            let broken_there: f64 = (0..m).map(|i| prices[i] * violation(&linearised, i)).sum();
+            // A subproblem that was not relaxed has satisfied the linear model.
+            let broken_there = if relaxed {
+                let linearised = linearised(problem, &at, &step.step);
+                (0..m).map(|i| prices[i] * violation(&linearised, i)).sum()
+            } else {
+                0.0
+            };
             // Directional derivative of the merit function along the step, from the linear model.
             let descent = (slope + broken_there - broken_here).min(0.0);
 
             let mut length = 1.0;
             let mut corrected = false;
-            let accepted = loop {
+            let extrapolated = if relaxed {
+                past.forget();
+                None
+            } else {
+                let tail = iteration.predicted_decrease.abs() <= TAIL * scale;
+                past.extrapolate(problem, &at, &x, &step.step).filter(|_| tail)
+            };
+            if let Some(target) = extrapolated {
                 for i in 0..n {
-                    trial[i] = (x[i] + length * step.step[i]).clamp(bounds.variable_lower[i], bounds.variable_upper[i]);
+                    trial[i] = target[i].clamp(bounds.variable_lower[i], bounds.variable_upper[i]);
                 }
                 let objective = problem.values(&trial, &mut trial_constraints);
-                let merit_there = merit(objective, &trial_constraints);
-                // The last term forgives rounding where the merit function cannot resolve the step any more.
-                if merit_there <= merit_here + 1e-4 * length * descent + 1e-12 * merit_here.abs().max(1.0) {
-                    break true;
-                }
-                if length == 1.0 && !relaxed && !corrected {
-                    corrected = true;
-                    if let Some(p) =
-                        self.second_order_correction(problem, subproblem, &x, &at, &step, &trial_constraints)
-                    {
-                        for i in 0..n {
-                            trial[i] = (x[i] + p[i]).clamp(bounds.variable_lower[i], bounds.variable_upper[i]);
-                        }
-                        let objective = problem.values(&trial, &mut trial_constraints);
-                        if merit(objective, &trial_constraints) <= merit_here + 1e-4 * descent {
-                            break true;
+                iteration.accelerated = merit(objective, &trial_constraints) <= merit_here + 1e-4 * descent;
+            }
+            let accepted = iteration.accelerated
+                || loop {
+                    for i in 0..n {
+                        trial[i] =
+                            (x[i] + length * step.step[i]).clamp(bounds.variable_lower[i], bounds.variable_upper[i]);
+                    }
+                    let objective = problem.values(&trial, &mut trial_constraints);
+                    let merit_there = merit(objective, &trial_constraints);
+                    // The last term forgives rounding where the merit function cannot resolve the step any more.
+                    if merit_there <= merit_here + 1e-4 * length * descent + 1e-12 * merit_here.abs().max(1.0) {
+                        break true;
+                    }
+                    if length == 1.0 && !relaxed && !corrected {
+                        corrected = true;
+                        if let Some(p) =
+                            self.second_order_correction(problem, subproblem, &x, &at, &step, &trial_constraints)
+                        {
+                            for i in 0..n {
+                                trial[i] = (x[i] + p[i]).clamp(bounds.variable_lower[i], bounds.variable_upper[i]);
+                            }
+                            let objective = problem.values(&trial, &mut trial_constraints);
+                            if merit(objective, &trial_constraints) <= merit_here + 1e-4 * descent {
+                                break true;
+                            }
                         }
                     }
-                }
-                length *= 0.5;
-                if length < SHORTEST_STEP {
-                    break false;
-                }
-            };
+                    length *= 0.5;
+                    if length < SHORTEST_STEP {
+                        break false;
+                    }
+                };
             iteration.step_length = if accepted { length } else { 0.0 };
             log.push(iteration);
             if progress(log.last().expect("pushed above")).is_break() {
@@ -356,6 +384,68 @@ impl SqpSolver {
     }
 }
 
+/// Anderson acceleration (Walker & Ni, SIAM J. Numer. Anal. 49, 2011) of the last iterations. With a Gauss–Newton Hessian the
+/// steps p shrink by a constant factor there: x ↦ x + p(x) is nearly linear, and the last few points and steps give its fixed
+/// point. Steps are measured by the subproblem's Hessian, the unit in which the objective does.
+#[derive(Default)]
+struct Acceleration {
+    /// The last point and its step.
+    last: Option<(Vec<f64>, Vec<f64>)>,
+    /// Differences of consecutive points and of their steps, the newest last.
+    differences: Vec<(Vec<f64>, Vec<f64>)>,
+}
+
+/// Differences that are kept. A third one gains nothing on the gaits.
+const DEPTH: usize = 2;
+
+impl Acceleration {
+    fn forget(&mut self) {
+        self.last = None;
+        self.differences.clear();
+    }
+
+    /// Where the points so far and the step from `x` lead to, if they tell.
+    fn extrapolate<P: Problem>(&mut self, problem: &P, at: &Evaluation, x: &[f64], step: &[f64]) -> Option<Vec<f64>> {
+        if let Some((x_before, step_before)) = self.last.replace((x.to_vec(), step.to_vec())) {
+            if self.differences.len() == DEPTH {
+                self.differences.remove(0);
+            }
+            let minus = |a: &[f64], b: &[f64]| a.iter().zip(b).map(|(a, b)| a - b).collect::<Vec<f64>>();
+            self.differences.push((minus(x, &x_before), minus(step, &step_before)));
+        }
+        // Least squares |p − Σ γ Δp| by Gram–Schmidt from the newest difference on.
+        let mut residual = step.to_vec();
+        let mut target: Vec<f64> = x.iter().zip(step).map(|(x, p)| x + p).collect();
+        let mut basis: Vec<(Vec<f64>, Vec<f64>, f64)> = Vec::new();
+        for (dx, dp) in self.differences.iter().rev() {
+            let size = bilinear(problem, at, dp, dp);
+            let (mut dx, mut dp) = (dx.clone(), dp.clone());
+            for (ex, ep, square) in &basis {
+                let share = bilinear(problem, at, &dp, ep) / square;
+                subtract(&mut dp, share, ep);
+                subtract(&mut dx, share, ex);
+            }
+            let square = bilinear(problem, at, &dp, &dp);
+            // A difference that repeats the newer ones tells nothing.
+            if !(square > 1e-6 * size) {
+                break;
+            }
+            let share = bilinear(problem, at, &residual, &dp) / square;
+            subtract(&mut residual, share, &dp);
+            subtract(&mut target, share, &dx);
+            subtract(&mut target, share, &dp);
+            basis.push((dx, dp, square));
+        }
+        (!basis.is_empty()).then_some(target)
+    }
+}
+
+fn subtract(from: &mut [f64], scale: f64, what: &[f64]) {
+    for (f, w) in from.iter_mut().zip(what) {
+        *f -= scale * w;
+    }
+}
+
 fn worst<P: Problem>(problem: &P, at: &Evaluation) -> Violation {
     let b = problem.bounds();
     let (row, amount) = at
@@ -378,13 +468,17 @@ fn linearised<P: Problem>(problem: &P, at: &Evaluation, p: &[f64]) -> Vec<f64> {
     g
 }
 
-/// pᵀ H p.
-fn quadratic<P: Problem>(problem: &P, at: &Evaluation, p: &[f64]) -> f64 {
+/// aᵀ H b.
+fn bilinear<P: Problem>(problem: &P, at: &Evaluation, a: &[f64], b: &[f64]) -> f64 {
     let pattern = &problem.hessian_pattern().0;
     pattern
         .iter()
         .zip(&at.hessian)
-        .map(|(&(row, column), h)| if row == column { h * p[row] * p[row] } else { 2.0 * h * p[row] * p[column] })
+        .map(
+            |(&(row, column), h)| {
+                if row == column { h * a[row] * b[row] } else { h * (a[row] * b[column] + a[column] * b[row]) }
+            },
+        )
         .sum()
 }
 

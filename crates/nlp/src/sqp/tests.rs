@@ -105,6 +105,33 @@ fn hock_schittkowski_71_reaches_the_published_minimum() {
     assert!((multipliers[1] - 0.1614686).abs() < 1e-3, "{multipliers:?}");
 }
 
+/// A bowl whose curvature the Hessian states twice and 1.5 times too large, so that plain steps halve the error at best.
+fn bowl_with_a_cautious_hessian() -> Dense {
+    Dense::new(
+        [vec![-FREE; 2], vec![FREE; 2]],
+        [vec![0.0], vec![FREE]],
+        |x, g| {
+            g[0] = x[0] + x[1] + 10.0;
+            0.5 * (x[0] - 1.0).powi(2) + 2.0 * (x[1] + 2.0).powi(2)
+        },
+        |x, e| {
+            e.gradient.copy_from_slice(&[x[0] - 1.0, 4.0 * (x[1] + 2.0)]);
+            e.jacobian.fill(1.0);
+            e.hessian.copy_from_slice(&[2.0, 0.0, 6.0]);
+        },
+    )
+}
+
+#[test]
+fn a_linear_tail_is_extrapolated() {
+    let solution = solve(bowl_with_a_cautious_hessian(), &[1.1, -1.9]);
+    assert_eq!(solution.status, Status::Converged);
+    assert!(solution.log.iter().any(|i| i.accelerated));
+    // The error falls by 1/2 and 1/3 an iteration: from 0.1 to the promise of 1e-8 it takes plain steps ten of them.
+    assert!(solution.iterations() <= 7, "{}", solution.iterations());
+    assert!((solution.x[0] - 1.0).abs() < 1e-4 && (solution.x[1] + 2.0).abs() < 1e-4, "{:?}", solution.x);
+}
+
 /// Rosenbrock's residuals (10 (y − x²), 1 − x) by Gauss–Newton, kept on the unit circle's inside.
 fn rosenbrock_in_disc() -> Dense {
     Dense::new(
