@@ -427,7 +427,7 @@ impl Acceleration {
             }
             let square = bilinear(problem, at, &dp, &dp);
             // A difference that repeats the newer ones tells nothing.
-            if !(square > 1e-6 * size) {
+            if square <= 1e-6 * size {
                 break;
             }
             let share = bilinear(problem, at, &residual, &dp) / square;
