@@ -13,21 +13,27 @@
 mod biped;
 mod condensed;
 mod guess;
+pub mod library;
+mod nearest;
 mod program;
 mod recompose;
 mod request;
+mod stability;
 mod verification;
 
 pub use biped::BipedPair;
 pub use condensed::Condensed;
 pub use guess::Unreachable;
+pub use nearest::{Changed, Nearest, Refusal, nearest, plan_or_nearest};
 pub use program::{DecomposedProgram, ProgramSettings};
 pub use recompose::PlanPoint;
 pub use request::{
-    GaitRequest, RequestError, behaviours, step_duration_from_step_frequency, step_duration_from_stride_frequency,
+    GaitRequest, RequestError, TableOne, behaviours, step_duration_from_step_frequency,
+    step_duration_from_stride_frequency, table_one,
 };
 
-pub use verification::{StepComparison, simulate_planned_step};
+pub use stability::{Complex, Stability, stability};
+pub use verification::{BetweenPoints, StepComparison, between_points, simulate_planned_step};
 
 use decomposition::Pairing;
 use gait::{Gait, GaitError, SolverSummary};
@@ -137,23 +143,9 @@ pub fn plan(
     options: &PlanOptions,
     progress: impl FnMut(&Iteration) -> ControlFlow<()>,
 ) -> Result<Plan, PlanError> {
-    request.validate(leg_length_m(robot))?;
     let robot = &on_slope(robot, request.slope_rad);
-    let bipeds = BipedPair::new(robot, Pairing::diagonal(robot.mirror.joint_sign))?;
-    let mut program = DecomposedProgram::new(robot, bipeds, request, options.program.clone());
-    let start = match &options.warm_start {
-        Some(WarmStart(x)) => x.clone(),
-        None => guess::nominal(robot, &mut program, request)?,
-    };
-    let solver = SqpSolver::new(options.solver.clone())?;
-    let solution = match options.subproblem {
-        SubproblemSolver::Condensed => solver.solve_with(&mut program, &mut Condensed::default(), &start, progress)?,
-        SubproblemSolver::Sparse => solver.solve(&mut program, &start, progress)?,
-    };
-    if solution.status != Status::Converged {
-        return Err(not_converged(solution));
-    }
-    let points = recompose::points(robot, &program, &solution.x)?;
+    let (program, solution) = solve(robot, request, options, progress)?;
+    let points = recompose::points(robot, &program, &solution.x, recompose::BALANCE_TOLERANCE)?;
     let summary = SolverSummary {
         status: solution.status.to_string(),
         iterations: solution.iterations(),
@@ -163,6 +155,32 @@ pub fn plan(
     };
     let gait = recompose::gait(robot, &program, request, &solution.x, &points, summary)?;
     Ok(Plan { gait, points, warm_start: WarmStart(solution.x), log: solution.log })
+}
+
+/// The program of a request and its converged solution. `robot` is [`on_slope`]'s.
+fn solve(
+    robot: &Robot,
+    request: &GaitRequest,
+    options: &PlanOptions,
+    progress: impl FnMut(&Iteration) -> ControlFlow<()>,
+) -> Result<(DecomposedProgram, Solution), PlanError> {
+    request.validate(leg_length_m(robot))?;
+    let mut program = program_of(robot, request, options.program.clone())?;
+    let start = match &options.warm_start {
+        Some(WarmStart(x)) => x.clone(),
+        None => guess::nominal(robot, &mut program, request)?,
+    };
+    let solver = SqpSolver::new(options.solver.clone())?;
+    let solution = match options.subproblem {
+        SubproblemSolver::Condensed => solver.solve_with(&mut program, &mut Condensed::default(), &start, progress)?,
+        SubproblemSolver::Sparse => solver.solve(&mut program, &start, progress)?,
+    };
+    if solution.status == Status::Converged { Ok((program, solution)) } else { Err(not_converged(solution)) }
+}
+
+fn program_of(robot: &Robot, request: &GaitRequest, settings: ProgramSettings) -> Result<DecomposedProgram, PlanError> {
+    let bipeds = BipedPair::new(robot, Pairing::diagonal(robot.mirror.joint_sign))?;
+    Ok(DecomposedProgram::new(robot, bipeds, request, settings))
 }
 
 /// The robot with gravity as it is on a slope: positive uphill along x.
@@ -206,3 +224,5 @@ fn leg_length_m(robot: &Robot) -> f64 {
 
 #[cfg(test)]
 mod tests;
+#[cfg(test)]
+mod tests_edges;

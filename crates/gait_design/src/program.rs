@@ -48,7 +48,7 @@ use layout as at;
 /// Settings of the program that are no part of a request.
 #[derive(Clone, Debug, PartialEq)]
 pub struct ProgramSettings {
-    /// Hermite–Simpson points, 2N + 1: odd, at least 7.
+    /// Hermite–Simpson points, 2N + 1: odd, at least 5.
     pub points: usize,
     /// Weight of ‖u‖² over all twelve torques, 1/(N m)². It settles the internal force along the stance diagonal; left out on
     /// any leg, that force builds up and the gait falls.
@@ -163,7 +163,7 @@ impl DecomposedProgram {
     /// Builds the program. The request has been validated.
     pub fn new(robot: &Robot, bipeds: BipedPair, request: &GaitRequest, settings: ProgramSettings) -> Self {
         let points = settings.points;
-        assert!(points >= 7 && points % 2 == 1, "{points} Hermite–Simpson points: expected an odd number from 7");
+        assert!(points >= 5 && points % 2 == 1, "{points} Hermite–Simpson points: expected an odd number from 5");
         let distance = bipeds.nominal_toe_distance_m(request.half_width_m);
         let tolerance = settings.toe_distance_tolerance_m;
         let mut program = Self {
@@ -723,7 +723,9 @@ impl Problem for DecomposedProgram {
 
     fn variable_name(&self, column: usize) -> String {
         if column < at::T {
-            return format!("coefficient {} of output {}", column / OUTPUTS, column % OUTPUTS);
+            let (k, output) = (column / OUTPUTS, column % OUTPUTS);
+            let leg = self.bipeds.front_legs()[output / 3];
+            return format!("Bézier coefficient {k} of {} {}", self.leg_names[leg], JOINTS[output % 3]);
         }
         if column == at::T {
             return "step duration".into();

@@ -10,7 +10,7 @@ use robot::Robot;
 
 /// Force or moment that the full-order model may be out of balance by at a point, N or N m. The program's own equality
 /// tolerance is 1e-5.
-const BALANCE_TOLERANCE: f64 = 1e-3;
+pub(crate) const BALANCE_TOLERANCE: f64 = 1e-3;
 
 /// The whole robot at one point of a plan. Coordinates are (x, y, z, roll, pitch, yaw, 12 joints), z of the base measured
 /// from the toe centres' plane; velocities are their plain derivatives.
@@ -31,7 +31,13 @@ pub struct PlanPoint {
 }
 
 /// All points of a solution, torques by the full-order inverse dynamics.
-pub(crate) fn points(robot: &Robot, program: &DecomposedProgram, x: &[f64]) -> Result<Vec<PlanPoint>, PlanError> {
+/// Refused if the full-order model's base is out of balance by more than `balance_tolerance`, N or N m.
+pub(crate) fn points(
+    robot: &Robot,
+    program: &DecomposedProgram,
+    x: &[f64],
+    balance_tolerance: f64,
+) -> Result<Vec<PlanPoint>, PlanError> {
     let mut data = Data::new(&robot.model);
     (0..program.points())
         .map(|index| {
@@ -45,7 +51,7 @@ pub(crate) fn points(robot: &Robot, program: &DecomposedProgram, x: &[f64]) -> R
             let forces = [(robot.legs[1].toe, lambda_1), (robot.legs[2].toe, lambda_2)];
             let tau = rnea(&robot.model, &mut data, &q, &v, &a, &forces);
             let unbalanced = tau.rows(0, 6).amax();
-            if unbalanced > BALANCE_TOLERANCE {
+            if unbalanced > balance_tolerance {
                 return Err(PlanError::Unverified(format!(
                     "the base is out of balance by {unbalanced:.2e} N or N m at point {} of {}",
                     index + 1,

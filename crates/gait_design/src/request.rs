@@ -77,6 +77,32 @@ pub enum RequestError {
     },
 }
 
+/// A column of the paper's Table I: what was asked there and how its solver did (FROST with IPOPT, i7-6820HQ).
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct TableOne {
+    /// Name of the behaviour.
+    pub behaviour: &'static str,
+    /// Steps a second.
+    pub frequency_hz: f64,
+    /// Swing clearance, m.
+    pub clearance_m: f64,
+    /// Forward speed, m/s: in the paper's text.
+    pub speed_m_s: f64,
+    /// Iterations of the paper's solver.
+    pub iterations: u32,
+    /// Time of the paper's nonlinear program, s.
+    pub time_s: f64,
+}
+
+/// Table I of Ma & Ames 2020.
+pub fn table_one() -> [TableOne; 5] {
+    const PAPER: [(u32, f64); 5] = [(96, 3.54), (122, 5.34), (98, 3.72), (46, 1.75), (147, 5.45)];
+    std::array::from_fn(|i| {
+        let ((behaviour, frequency_hz, clearance_m, speed_m_s), (iterations, time_s)) = (TABLE_I[i], PAPER[i]);
+        TableOne { behaviour, frequency_hz, clearance_m, speed_m_s, iterations, time_s }
+    })
+}
+
 /// Names that [`GaitRequest::named`] knows.
 pub fn behaviours() -> impl Iterator<Item = &'static str> {
     TABLE_I.iter().map(|row| row.0)
@@ -108,12 +134,28 @@ impl GaitRequest {
     /// Refuses values that are not finite or outside what this planner is made for. `leg_length_m` is the longest
     /// distance from a hip axis to its toe.
     pub fn validate(&self, leg_length_m: f64) -> Result<(), RequestError> {
+        for (field, value, lower, upper, unit) in self.ranges(leg_length_m) {
+            // Written so that a value that is not a number is refused too.
+            if !(lower..=upper).contains(&value) {
+                return Err(RequestError::OutOfRange { field, value, lower, upper, unit });
+            }
+        }
+        Ok(())
+    }
+
+    /// Every number of the request, under one name, in a fixed order.
+    pub(crate) const FIELDS: usize = 10;
+
+    /// (field, value, smallest, largest, unit) of every number of the request.
+    pub(crate) fn ranges(&self, leg_length_m: f64) -> [(&'static str, f64, f64, f64, &'static str); Self::FIELDS] {
         let [roll, pitch, knee] = self.torque_limit_nm;
+        // To the millimetre, for the messages.
+        let legs = |share: f64| (share * leg_length_m * 1e3).round() / 1e3;
         // Clearance: half the hip height leaves the folded leg room below the body.
-        for (field, value, lower, upper, unit) in [
+        [
             ("step_duration_s", self.step_duration_s, 0.1, 2.0, "s"),
-            ("height_m", self.height_m, 0.2 * leg_length_m, 0.98 * leg_length_m, "m"),
-            ("half_width_m", self.half_width_m, 0.0, 0.8 * leg_length_m, "m"),
+            ("height_m", self.height_m, legs(0.2), legs(0.98), "m"),
+            ("half_width_m", self.half_width_m, 0.0, legs(0.8), "m"),
             ("clearance_m", self.clearance_m, 0.0, 0.5 * self.height_m, "m"),
             ("speed_m_s", self.speed_m_s, -2.0, 2.0, "m/s"),
             ("slope_rad", self.slope_rad, -0.35, 0.35, "rad"),
@@ -121,12 +163,23 @@ impl GaitRequest {
             ("torque_limit_nm[hip roll]", roll, 1.0, 1000.0, "N m"),
             ("torque_limit_nm[hip pitch]", pitch, 1.0, 1000.0, "N m"),
             ("torque_limit_nm[knee]", knee, 1.0, 1000.0, "N m"),
-        ] {
-            // Written so that a value that is not a number is refused too.
-            if !(lower..=upper).contains(&value) {
-                return Err(RequestError::OutOfRange { field, value, lower, upper, unit });
-            }
-        }
-        Ok(())
+        ]
+    }
+
+    /// The numbers of [`Self::ranges`], to be changed.
+    pub(crate) fn numbers_mut(&mut self) -> [&mut f64; Self::FIELDS] {
+        let [roll, pitch, knee] = &mut self.torque_limit_nm;
+        [
+            &mut self.step_duration_s,
+            &mut self.height_m,
+            &mut self.half_width_m,
+            &mut self.clearance_m,
+            &mut self.speed_m_s,
+            &mut self.slope_rad,
+            &mut self.friction,
+            roll,
+            pitch,
+            knee,
+        ]
     }
 }

@@ -4,16 +4,16 @@ use super::*;
 use nlp::{Evaluation, Problem};
 use std::path::Path;
 
-fn vision60() -> Robot {
+pub(crate) fn vision60() -> Robot {
     Robot::load(&Path::new(env!("CARGO_MANIFEST_DIR")).join("../../config/robots/vision60")).unwrap()
 }
 
-fn go_on(_: &Iteration) -> ControlFlow<()> {
+pub(crate) fn go_on(_: &Iteration) -> ControlFlow<()> {
     ControlFlow::Continue(())
 }
 
 /// Small, repeatable numbers between −1 and 1.
-fn noise(seed: u64) -> impl FnMut() -> f64 {
+pub(crate) fn noise(seed: u64) -> impl FnMut() -> f64 {
     let mut state = seed.wrapping_mul(2).wrapping_add(1);
     move || {
         state = state.wrapping_mul(6364136223846793005).wrapping_add(1442695040888963407);
@@ -260,4 +260,38 @@ fn a_plan_for_a_slope_follows_its_step_on_that_slope_and_leans_into_it() {
         / plan.points.len() as f64;
     let expected = robot.model.total_mass() * 9.81 * request.slope_rad.sin();
     assert!((mean - expected).abs() < 0.1 * expected, "{mean} N, expected about {expected} N");
+}
+
+#[test]
+fn between_the_points_every_plan_keeps_its_limits() {
+    let robot = vision60();
+    for name in behaviours() {
+        let request = GaitRequest::named(name, &robot).unwrap();
+        let plan = plan(&robot, &request, &PlanOptions::default(), go_on).unwrap();
+        let between = between_points(&robot, &request, &plan.gait, &plan.points);
+        println!("{name}: {between:?}");
+        assert!(between.is_kept(), "{name}: {between:?}");
+    }
+}
+
+#[test]
+fn where_a_robot_is_and_where_it_heads_does_not_matter_to_its_multipliers() {
+    let robot = vision60();
+    let mut radii = Vec::new();
+    for name in behaviours() {
+        let request = GaitRequest::named(name, &robot).unwrap();
+        let plan = plan(&robot, &request, &PlanOptions::default(), go_on).unwrap();
+        let stability = stability(&robot, &plan.gait, &plan.points).unwrap();
+        println!("{name}: {:.3}, then {:.3?}", stability.spectral_radius(), &stability.multipliers[..4]);
+        assert_eq!(stability.multipliers.len(), 33);
+        let mut neutral = stability.neutral.map(|m| m.re);
+        neutral.sort_by(f64::total_cmp);
+        for (found, expected) in neutral.into_iter().zip([-1.0, -1.0, 1.0]) {
+            assert!((found - expected).abs() < 1e-4, "{name}: {found}");
+        }
+        radii.push((plan.gait.step_duration_s, stability.spectral_radius()));
+    }
+    // The longer the robot tips about the line between two toes, the farther it has tipped.
+    radii.sort_by(|a, b| a.0.total_cmp(&b.0));
+    assert!(radii.windows(2).all(|w| w[0].1 < w[1].1), "{radii:?}");
 }

@@ -2,6 +2,7 @@
 //! linearising law, beside the plan of the decomposed front biped. Nothing of the decomposition is used here.
 
 use crate::recompose::PlanPoint;
+use crate::request::GaitRequest;
 use decomposition::DynamicsError;
 use decomposition::simulation::{Contacts, Options, State, simulate_phase};
 use gait::{Gait, JOINTS, bezier};
@@ -155,4 +156,104 @@ impl StepComparison {
             && self.normal_force_error <= 0.01
             && self.landing_height_m.iter().all(|h| h.abs() <= 2e-3)
     }
+}
+
+/// What a plan's motion does between the program's points, on a grid ten times finer: positions, velocities, accelerations and
+/// forces by the interpolants that Hermite–Simpson collocation stands for, torques by the full-order inverse dynamics. Each
+/// number is the largest on the grid.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct BetweenPoints {
+    /// How far a stance toe is from where it stood, m.
+    pub stance_slip_m: f64,
+    /// How far a swing toe is below the floor, m.
+    pub swing_below_floor_m: f64,
+    /// How far a joint is outside its range, rad.
+    pub joint_range_rad: f64,
+    /// How far a joint is from its polynomial, rad.
+    pub polynomial_rad: f64,
+    /// How much faster than its limit a joint moves, rad/s.
+    pub joint_velocity_rad_s: f64,
+    /// How far a torque is above its bound, N m.
+    pub torque_nm: f64,
+    /// How far a ground force is outside its friction pyramid or below its smallest normal force, N.
+    pub ground_force_n: f64,
+    /// Force or moment by which the base is out of balance, N or N m.
+    pub imbalance: f64,
+}
+
+impl BetweenPoints {
+    /// Whether the plan may be walked: limits of the robot are kept to a few per mille of the Vision 60's, and stance toes stay
+    /// within a millimetre.
+    pub fn is_kept(&self) -> bool {
+        self.stance_slip_m <= 1e-3
+            && self.swing_below_floor_m <= 2e-3
+            && self.joint_range_rad <= 5e-3
+            && self.polynomial_rad <= 5e-3
+            && self.joint_velocity_rad_s <= 0.2
+            && self.torque_nm <= 1.0
+            && self.ground_force_n <= 2.0
+    }
+}
+
+/// Looks at a plan between its points. For a plan on a slope, `robot` is [`crate::on_slope`]'s.
+pub fn between_points(robot: &Robot, request: &GaitRequest, gait: &Gait, points: &[PlanPoint]) -> BetweenPoints {
+    const FINER: usize = 10;
+    let model = &robot.model;
+    let mut data = Data::new(model);
+    let mut worst = BetweenPoints::default();
+    let t = gait.step_duration_s;
+    let h = 2.0 * t / (points.len() - 1) as f64;
+    let settings = crate::ProgramSettings::default();
+    let face = request.friction / std::f64::consts::SQRT_2;
+    let mut stood: Option<[nalgebra::Vector3<f64>; 2]> = None;
+    let raise = |to: &mut f64, value: f64| *to = to.max(value);
+    for three in points.windows(3).step_by(2) {
+        let [p0, p1, p2] = three else { unreachable!("windows of three") };
+        for part in 0..=2 * FINER {
+            let s = part as f64 / (2 * FINER) as f64;
+            // Value at s of the quadratic through three values, and its integral from 0, in units of h.
+            let value = |f: [f64; 3]| {
+                f[0] * (1.0 - s) * (1.0 - 2.0 * s) + 4.0 * f[1] * s * (1.0 - s) + f[2] * s * (2.0 * s - 1.0)
+            };
+            let integral = |f: [f64; 3]| {
+                f[0] * (s - 1.5 * s * s + 2.0 / 3.0 * s.powi(3))
+                    + f[1] * (2.0 * s * s - 4.0 / 3.0 * s.powi(3))
+                    + f[2] * (2.0 / 3.0 * s.powi(3) - 0.5 * s * s)
+            };
+            let q: [f64; 18] = std::array::from_fn(|i| p0.q[i] + h * integral([p0.v[i], p1.v[i], p2.v[i]]));
+            let v: [f64; 18] = std::array::from_fn(|i| p0.v[i] + h * integral([p0.a[i], p1.a[i], p2.a[i]]));
+            let a: [f64; 18] = std::array::from_fn(|i| value([p0.a[i], p1.a[i], p2.a[i]]));
+            let force = |leg: usize| {
+                nalgebra::Vector3::from_fn(|k, _| {
+                    value([p0.ground_force_n[leg][k], p1.ground_force_n[leg][k], p2.ground_force_n[leg][k]])
+                })
+            };
+            let forces = [(robot.legs[1].toe, force(1)), (robot.legs[2].toe, force(2))];
+            let tau = rnea(model, &mut data, &q, &v, &a, &forces).clone();
+            raise(&mut worst.imbalance, tau.rows(0, 6).amax());
+            let toe = [0, 1, 2, 3].map(|leg| rigid_body::frame_position(model, &data, robot.legs[leg].toe));
+            let start = *stood.get_or_insert([toe[1], toe[2]]);
+            for (toe, start) in [toe[1], toe[2]].iter().zip(start) {
+                raise(&mut worst.stance_slip_m, (toe - start).norm());
+            }
+            for toe in [toe[0], toe[3]] {
+                raise(&mut worst.swing_below_floor_m, -toe.z);
+            }
+            let phase = p0.phase + s * (p2.phase - p0.phase);
+            let (planned, _) = gait.planned(gait::StepSide::First, phase);
+            for j in 0..JOINTS {
+                let (leg, k) = (&robot.legs[j / 3], j % 3);
+                let outside = (leg.position_min_rad[k] - q[6 + j]).max(q[6 + j] - leg.position_max_rad[k]);
+                raise(&mut worst.joint_range_rad, outside);
+                raise(&mut worst.polynomial_rad, (q[6 + j] - planned[j]).abs());
+                raise(&mut worst.joint_velocity_rad_s, v[6 + j].abs() - robot.limits.velocity_rad_s[k]);
+                raise(&mut worst.torque_nm, tau[6 + j].abs() - request.torque_limit_nm[k]);
+            }
+            for (_, f) in forces {
+                let needed = f.x.abs().max(f.y.abs()) - face * f.z;
+                raise(&mut worst.ground_force_n, needed.max(settings.normal_force_min_n - f.z));
+            }
+        }
+    }
+    worst
 }

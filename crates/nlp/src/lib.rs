@@ -17,4 +17,4 @@ mod sqp;
 
 pub use dense_qp::{DenseQp, DenseQpError, DualActiveSet};
 pub use problem::{Bounds, Evaluation, Multipliers, Pattern, Problem, ProblemError, Step, Subproblem, SubproblemError};
-pub use sqp::{Iteration, Settings, SettingsError, Solution, SqpSolver, Status, Violation};
+pub use sqp::{Iteration, Settings, SettingsError, Solution, SqpSolver, Status, Violation, most_broken};

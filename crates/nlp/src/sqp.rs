@@ -459,6 +459,25 @@ fn worst<P: Problem>(problem: &P, at: &Evaluation) -> Violation {
     Violation { name, amount }
 }
 
+/// The most broken constraint or variable's bound at a point, given the constraints' values there. (A solve keeps the variables'
+/// bounds itself.)
+pub fn most_broken<P: Problem>(problem: &P, x: &[f64], constraints: &[f64]) -> Violation {
+    let b = problem.bounds();
+    let of = |values: &[f64], lower: &[f64], upper: &[f64]| {
+        let amounts = values.iter().zip(lower.iter().zip(upper)).map(|(v, (l, u))| outside(*v, *l, *u));
+        amounts.enumerate().max_by(|a, b| a.1.total_cmp(&b.1))
+    };
+    let variable = of(x, &b.variable_lower, &b.variable_upper);
+    let constraint = of(constraints, &b.constraint_lower, &b.constraint_upper);
+    match (variable, constraint) {
+        (Some((i, amount)), c) if c.is_none_or(|c| c.1 < amount) => {
+            Violation { name: problem.variable_name(i), amount }
+        }
+        (_, Some((i, amount))) => Violation { name: problem.constraint_name(i), amount },
+        _ => Violation { name: "none".into(), amount: 0.0 },
+    }
+}
+
 /// g + J p.
 fn linearised<P: Problem>(problem: &P, at: &Evaluation, p: &[f64]) -> Vec<f64> {
     let mut g = at.constraints.clone();

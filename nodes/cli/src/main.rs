@@ -1,6 +1,7 @@
 //! `tandem`: plan gaits, simulate them, look at what happened — without ROS, DDS or a robot; and walk them with the nodes.
 
 mod bag;
+mod library;
 mod plan;
 mod report;
 mod robots;
@@ -27,6 +28,7 @@ struct Arguments {
 #[derive(Subcommand)]
 enum Command {
     Plan(plan::Arguments),
+    Library(library::Arguments),
     Simulate(simulate::Arguments),
     Walk(walk::Arguments),
     Bag(bag::Arguments),
@@ -37,6 +39,7 @@ fn main() -> ExitCode {
     let arguments = Arguments::parse();
     let result = match arguments.command {
         Command::Plan(a) => plan::run(&a),
+        Command::Library(a) => library::run(&a),
         Command::Simulate(a) => simulate::run(&a),
         Command::Walk(a) => walk::run(&a),
         Command::Bag(a) => bag::run(&a),

@@ -2,11 +2,11 @@
 
 use crate::robots::RobotArguments;
 use anyhow::{Context, Result, bail};
-use gait_design::{GaitRequest, Plan, PlanOptions};
+use gait_design::{Complex, GaitRequest, Plan, PlanOptions};
 use std::ops::ControlFlow;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
-use std::time::Instant;
+use std::time::{Duration, Instant};
 
 /// Plan a gait by the dynamics decomposition and write the gait file
 ///
@@ -17,11 +17,16 @@ use std::time::Instant;
 ///   tandem plan amble --speed 0.5 --step-duration 0.35
 ///   tandem plan gait1 --clearance 0.08 --height 0.52
 ///   tandem plan all
+///   tandem plan --table
 #[derive(clap::Args)]
 #[command(verbatim_doc_comment)]
 pub struct Arguments {
     /// gait1, gait2, gait3, gait4, amble, or all
-    behaviour: String,
+    #[arg(required_unless_present = "table")]
+    behaviour: Option<String>,
+    /// Print the paper's Table I beside this planner's: the five gaits, planned now
+    #[arg(long, conflicts_with_all = ["behaviour", "output"])]
+    table: bool,
     /// Step duration T, s
     #[arg(long, value_name = "S", group = "timing", allow_negative_numbers = true)]
     step_duration: Option<f64>,
@@ -55,9 +60,13 @@ pub struct Arguments {
     /// Where to write the gait file; with `all`, a folder
     #[arg(short, long, value_name = "FILE")]
     output: Option<PathBuf>,
-    /// Simulate the planned step with the full-order model and say how far it departs from the plan
+    /// Simulate the planned step with the full-order model, look at the plan between the program's points, and say how far they
+    /// depart from the plan
     #[arg(long)]
     verify: bool,
+    /// Compute the multipliers of the step-to-step map under the tracking law
+    #[arg(long)]
+    stability: bool,
     /// Print every iteration of the solver
     #[arg(short, long)]
     verbose: bool,
@@ -65,11 +74,18 @@ pub struct Arguments {
     robot: RobotArguments,
 }
 
+/// How long to look for something near that can be planned, where a request cannot.
+const SEARCH_LIMIT: Duration = Duration::from_secs(60);
+
 /// Runs the subcommand.
 pub fn run(arguments: &Arguments) -> Result<ExitCode> {
     let robot = arguments.robot.load()?;
-    let all = arguments.behaviour == "all";
-    let names: Vec<&str> = if all { gait_design::behaviours().collect() } else { vec![&arguments.behaviour] };
+    let Some(behaviour) = &arguments.behaviour else {
+        table(arguments, &robot)?;
+        return Ok(ExitCode::SUCCESS);
+    };
+    let all = behaviour == "all";
+    let names: Vec<&str> = if all { gait_design::behaviours().collect() } else { vec![behaviour] };
     if all && let Some(folder) = &arguments.output {
         std::fs::create_dir_all(folder).with_context(|| format!("cannot make the folder {}", folder.display()))?;
     }
@@ -100,11 +116,67 @@ pub fn run(arguments: &Arguments) -> Result<ExitCode> {
         if arguments.verify && !verify(&robot, &request, &plan)? {
             followed = false;
         }
+        if arguments.stability {
+            let on_slope = gait_design::on_slope(&robot, request.slope_rad);
+            let s = gait_design::stability(&on_slope, &plan.gait, &plan.points)
+                .with_context(|| format!("cannot linearise {name}"))?;
+            let show =
+                |m: &[Complex]| m.iter().map(|m| format!("{:+.3}{:+.3}i", m.re, m.im)).collect::<Vec<_>>().join(", ");
+            println!(
+                "         step-to-step map, rigid touchdown by the clock: largest multiplier {:.3} ({}): {}; x, y, yaw {}",
+                s.spectral_radius(),
+                if s.is_stable() { "stable" } else { "not stable by itself: early touchdown has to catch it" },
+                show(&s.multipliers[..6]),
+                show(&s.neutral)
+            );
+        }
     }
     if !followed {
         bail!("the full-order model does not follow every plan: see above");
     }
     Ok(ExitCode::SUCCESS)
+}
+
+/// Plans the five gaits and prints Table I of the paper beside what came of them. Each is planned a few times, and the fastest
+/// counts: the first finds the processor asleep.
+fn table(arguments: &Arguments, robot: &robot::Robot) -> Result<()> {
+    const TIMES: usize = 5;
+    println!("          Table I of the paper                                  here, {}", robot.name);
+    println!("gait      steps/s  clearance m  speed m/s  iterations  time s  iterations  time ms      cost  violation");
+    let (mut paper_s, mut ours_s) = (0.0, 0.0);
+    for row in gait_design::table_one() {
+        let request = arguments.request(row.behaviour, robot)?;
+        let mut best: Option<Plan> = None;
+        for _ in 0..TIMES {
+            let plan = timed(robot, &request, false)?;
+            if best.as_ref().is_none_or(|b| plan.gait.solver.solve_time_s < b.gait.solver.solve_time_s) {
+                best = Some(plan);
+            }
+        }
+        let solver = best.expect("planned at least once").gait.solver;
+        println!(
+            "{:8} {:>8} {:>12} {:>10} {:>11} {:>7} {:>11} {:>8.2} {:>9.6} {:>10.1e}",
+            row.behaviour,
+            row.frequency_hz,
+            row.clearance_m,
+            row.speed_m_s,
+            row.iterations,
+            row.time_s,
+            solver.iterations,
+            1e3 * solver.solve_time_s,
+            solver.objective,
+            solver.max_violation
+        );
+        paper_s += row.time_s / 5.0;
+        ours_s += solver.solve_time_s / 5.0;
+    }
+    println!(
+        "mean {:>57.2} {:>20.2}     {:.0} times as fast (the paper on an i7-6820HQ)",
+        paper_s,
+        1e3 * ours_s,
+        paper_s / ours_s
+    );
+    Ok(())
 }
 
 impl Arguments {
@@ -138,7 +210,7 @@ impl Arguments {
 /// Plans and states the wall time.
 fn timed(robot: &robot::Robot, request: &GaitRequest, verbose: bool) -> Result<Plan> {
     let start = Instant::now();
-    let mut plan = gait_design::plan(robot, request, &PlanOptions::default(), |i| {
+    let report = |i: &nlp::Iteration| {
         if verbose {
             println!(
                 "  iteration {:3}  objective {:.6e}  violation {:.1e}  to gain {:.1e}  step {:.3}{}",
@@ -151,6 +223,9 @@ fn timed(robot: &robot::Robot, request: &GaitRequest, verbose: bool) -> Result<P
             );
         }
         ControlFlow::Continue(())
+    };
+    let mut plan = gait_design::plan_or_nearest(robot, request, &PlanOptions::default(), report, || {
+        start.elapsed() < SEARCH_LIMIT
     })
     .with_context(|| format!("cannot plan {}", request.behaviour))?;
     plan.gait.solver.solve_time_s = start.elapsed().as_secs_f64();
@@ -173,11 +248,24 @@ fn verify(robot: &robot::Robot, request: &GaitRequest, plan: &Plan) -> Result<bo
         c.landing_height_m[0],
         c.landing_height_m[1]
     );
-    Ok(follows)
+    let b = gait_design::between_points(&robot, request, &plan.gait, &plan.points);
+    println!(
+        "         between the points {}: stance toes slip {:.1e} m, swing toes {:.1e} m below the floor, joints {:.1e} rad from their polynomials, base out of balance by {:.2} N or N m; beyond limits: joints {:.1e} rad, {:.1e} rad/s, torque {:.2} N m, ground forces {:.2} N",
+        if b.is_kept() { "the plan is kept" } else { "the plan is NOT KEPT" },
+        b.stance_slip_m,
+        b.swing_below_floor_m,
+        b.polynomial_rad,
+        b.imbalance,
+        b.joint_range_rad,
+        b.joint_velocity_rad_s,
+        b.torque_nm,
+        b.ground_force_n
+    );
+    Ok(follows && b.is_kept())
 }
 
 /// Writes the whole file or none of it.
-fn write(file: &Path, text: &str) -> Result<()> {
+pub fn write(file: &Path, text: &str) -> Result<()> {
     let mut partial = file.as_os_str().to_owned();
     partial.push(".partial");
     let partial = PathBuf::from(partial);

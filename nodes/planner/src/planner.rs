@@ -10,9 +10,6 @@ use tandem_msgs::{Gait, GenerateGaitRequest, GenerateGaitResponse};
 
 use crate::ports;
 
-/// How often the way between the behaviour's own values and the asked ones is halved to find the nearest that can be planned.
-const NEAREST_HALVINGS: u32 = 5;
-
 /// Plans gaits for one robot.
 pub struct Planner {
     robot: Robot,
@@ -59,7 +56,6 @@ impl Planner {
                     response.message = format!("no gait within {:?}: {}", self.time_limit, response.message);
                 } else if !stopped
                     && self.find_nearest
-                    && matches!(error, PlanError::NotConverged { .. } | PlanError::Unreachable(_))
                     && let Some(nearest) = self.nearest(&request)
                 {
                     response.message += &format!("; the nearest request that can be planned: {nearest}");
@@ -86,49 +82,11 @@ impl Planner {
         Ok(plan.gait)
     }
 
-    /// The request nearest to the asked one on the straight way from the behaviour's own values that can be planned, in words:
-    /// only the values that the caller changed.
+    /// The nearest request that can be planned, in words. The search may take as long as a solve.
     fn nearest(&self, asked: &GaitRequest) -> Option<String> {
-        let own = GaitRequest::named(&asked.behaviour, &self.robot).ok()?;
-        let between = |share: f64| {
-            let mix = |own: f64, asked: f64| own + share * (asked - own);
-            GaitRequest {
-                step_duration_s: mix(own.step_duration_s, asked.step_duration_s),
-                clearance_m: mix(own.clearance_m, asked.clearance_m),
-                speed_m_s: mix(own.speed_m_s, asked.speed_m_s),
-                height_m: mix(own.height_m, asked.height_m),
-                half_width_m: mix(own.half_width_m, asked.half_width_m),
-                ..asked.clone()
-            }
-        };
         let start = Instant::now();
-        let (mut low, mut high) = (0.0, 1.0);
-        for _ in 0..NEAREST_HALVINGS {
-            if start.elapsed() >= self.time_limit {
-                break;
-            }
-            let middle = 0.5 * (low + high);
-            match self.plan(&between(middle), |_| ControlFlow::Continue(())) {
-                Ok(_) => low = middle,
-                Err(_) => high = middle,
-            }
-        }
-        if low == 0.0 {
-            return None;
-        }
-        let nearest = between(low);
-        let changed: Vec<String> = [
-            ("step_duration_s", own.step_duration_s, asked.step_duration_s, nearest.step_duration_s),
-            ("clearance_m", own.clearance_m, asked.clearance_m, nearest.clearance_m),
-            ("speed_m_s", own.speed_m_s, asked.speed_m_s, nearest.speed_m_s),
-            ("height_m", own.height_m, asked.height_m, nearest.height_m),
-            ("half_width_m", own.half_width_m, asked.half_width_m, nearest.half_width_m),
-        ]
-        .into_iter()
-        .filter(|(_, own, asked, _)| own != asked)
-        .map(|(field, _, _, value)| format!("{field} {value:.3}"))
-        .collect();
-        Some(changed.join(", "))
+        gait_design::nearest(&self.robot, asked, &PlanOptions::default(), || start.elapsed() < self.time_limit)
+            .map(|nearest| nearest.to_string())
     }
 }
 
@@ -165,6 +123,11 @@ mod tests {
         assert!(!out_of_range.success && none.is_none());
         assert_eq!(out_of_range.status, ports::INVALID_REQUEST);
         assert!(out_of_range.message.contains("speed_m_s is 5"), "{}", out_of_range.message);
+        assert!(
+            out_of_range.message.contains("nearest request that can be planned: speed_m_s 1."),
+            "{}",
+            out_of_range.message
+        );
 
         let (not_a_number, _) = ask(|m| m.height_m = Some(f64::NAN).into());
         assert_eq!(not_a_number.status, ports::INVALID_REQUEST);

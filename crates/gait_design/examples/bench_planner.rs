@@ -1,0 +1,163 @@
+//! Times of the planner on the Vision 60, one `name = value` line each; `launch-scripts/bench planner` runs it on one core.
+//!
+//! bench_planner times | memory | library GAITS THREADS
+
+use gait_design::library::{Axis, Field, Grid, Library};
+use gait_design::{GaitRequest, PlanOptions, SubproblemSolver, behaviours, plan};
+use robot::Robot;
+use std::hint::black_box;
+use std::ops::ControlFlow;
+use std::path::Path;
+use std::sync::atomic::{AtomicUsize, Ordering};
+use std::time::Instant;
+
+/// Rounds of every timing; the median of the rounds is what counts.
+const ROUNDS: usize = 15;
+
+fn main() {
+    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../config/robots/vision60");
+    let robot = Robot::load(&folder).expect("the robot's folder belongs to the project");
+    let arguments: Vec<String> = std::env::args().skip(1).collect();
+    match arguments.iter().map(String::as_str).collect::<Vec<_>>()[..] {
+        ["times"] => times(&robot),
+        ["memory"] => memory(&robot),
+        ["library", gaits, threads] => library(&robot, number(gaits), number(threads)),
+        _ => {
+            eprintln!("usage: bench_planner times | memory | library GAITS THREADS");
+            std::process::exit(2);
+        }
+    }
+}
+
+fn number(text: &str) -> usize {
+    text.parse().unwrap_or_else(|e| {
+        eprintln!("bench_planner: \"{text}\": {e}");
+        std::process::exit(2);
+    })
+}
+
+fn solve(robot: &Robot, request: &GaitRequest, options: &PlanOptions) -> gait_design::Plan {
+    plan(robot, request, options, |_| ControlFlow::Continue(())).expect("the benchmark's requests have gaits")
+}
+
+fn median(mut values: Vec<f64>) -> f64 {
+    values.sort_by(f64::total_cmp);
+    values[values.len() / 2]
+}
+
+/// Mean over the five gaits of the median time of a whole [`plan`], ms.
+fn mean_ms(robot: &Robot, options: &PlanOptions, rounds: usize) -> f64 {
+    let of = |name: &str| {
+        let request = GaitRequest::named(name, robot).expect("a behaviour's own name");
+        black_box(solve(robot, &request, options));
+        let times = (0..rounds).map(|_| {
+            let start = Instant::now();
+            black_box(solve(robot, black_box(&request), options));
+            1e3 * start.elapsed().as_secs_f64()
+        });
+        median(times.collect())
+    };
+    let each: Vec<f64> = behaviours().map(of).collect();
+    each.iter().sum::<f64>() / each.len() as f64
+}
+
+fn times(robot: &Robot) {
+    let cold = mean_ms(robot, &PlanOptions::default(), ROUNDS);
+    println!("cold_mean_ms = {cold:.3}");
+
+    let large = PlanOptions { subproblem: SubproblemSolver::Sparse, ..PlanOptions::default() };
+    println!("large_form_mean_ms = {:.2}", mean_ms(robot, &large, 3));
+
+    // 1,000 changes of speed by 0.1 m/s or of clearance by 2 cm, each from the solution before, back and forth over the range.
+    let mut request = GaitRequest::named("amble", robot).expect("a behaviour's own name");
+    let mut before = solve(robot, &request, &PlanOptions::default());
+    let (mut faster, mut higher) = (true, true);
+    let mut replans = Vec::new();
+    for number in 0..1000 {
+        if number % 2 == 0 {
+            faster = if request.speed_m_s > 0.45 { false } else { request.speed_m_s < 0.15 || faster };
+            request.speed_m_s += if faster { 0.1 } else { -0.1 };
+        } else {
+            higher = if request.clearance_m > 0.125 { false } else { request.clearance_m < 0.085 || higher };
+            request.clearance_m += if higher { 0.02 } else { -0.02 };
+        }
+        let options = PlanOptions { warm_start: Some(before.warm_start.clone()), ..PlanOptions::default() };
+        let start = Instant::now();
+        before = black_box(solve(robot, black_box(&request), &options));
+        replans.push(1e3 * start.elapsed().as_secs_f64());
+    }
+    let worst = replans.iter().copied().fold(0.0, f64::max);
+    println!("warm_median_ms = {:.3}", median(replans));
+    println!("warm_worst_ms = {worst:.3}");
+
+    let amble = GaitRequest::named("amble", robot).expect("a behaviour's own name");
+    let of_points = |points: usize| {
+        let mut options = PlanOptions::default();
+        options.program.points = points;
+        let times = (0..5).map(|_| {
+            let start = Instant::now();
+            black_box(solve(robot, &amble, &options));
+            start.elapsed().as_secs_f64()
+        });
+        median(times.collect())
+    };
+    println!("points_81_over_11 = {:.2}", of_points(81) / of_points(11));
+}
+
+/// The largest resident memory of this process after it has planned the five gaits.
+fn memory(robot: &Robot) {
+    for name in behaviours() {
+        let request = GaitRequest::named(name, robot).expect("a behaviour's own name");
+        black_box(solve(robot, &request, &PlanOptions::default()));
+    }
+    let status = std::fs::read_to_string("/proc/self/status").expect("Linux tells a process' memory");
+    let line = status.lines().find(|l| l.starts_with("VmHWM:")).expect("the status has the largest resident memory");
+    let kilobytes: f64 = line.split_whitespace().nth(1).and_then(|v| v.parse().ok()).expect("a number of kB");
+    println!("planner_rss_mb = {:.1}", kilobytes / 1024.0);
+}
+
+/// Time to solve a library of speeds and clearances.
+fn library(robot: &Robot, gaits: usize, threads: usize) {
+    let spread = |low: f64, high: f64, count: usize| -> Vec<f64> {
+        (0..count).map(|k| low + (high - low) * k as f64 / (count - 1).max(1) as f64).collect()
+    };
+    let base = GaitRequest::named("amble", robot).expect("a behaviour's own name");
+    let rows = 10;
+    let axes = vec![
+        Axis { field: Field::ClearanceM, values: spread(0.06, 0.15, rows) },
+        Axis { field: Field::SpeedMS, values: spread(0.0, 0.5, gaits.div_ceil(rows)) },
+    ];
+    let grid = Grid::new(robot, base, axes).expect("a sensible grid");
+    let library = Library::new(robot, grid);
+    let (next, refused, iterations) = (AtomicUsize::new(0), AtomicUsize::new(0), AtomicUsize::new(0));
+    let start = Instant::now();
+    std::thread::scope(|scope| {
+        for _ in 0..threads {
+            scope.spawn(|| {
+                loop {
+                    let row = next.fetch_add(1, Ordering::Relaxed);
+                    if row >= library.grid().rows() {
+                        break;
+                    }
+                    library.solve_row(robot, row, |_, entry| {
+                        match &entry {
+                            gait_design::library::Entry::Refused(why) => {
+                                eprintln!("bench_planner: refused: {why}");
+                                refused.fetch_add(1, Ordering::Relaxed);
+                            }
+                            gait_design::library::Entry::Gait { iterations: i, .. } => {
+                                iterations.fetch_add(*i as usize, Ordering::Relaxed);
+                            }
+                        }
+                        black_box(entry);
+                        ControlFlow::Continue(())
+                    });
+                }
+            });
+        }
+    });
+    let seconds = start.elapsed().as_secs_f64();
+    println!("library_{gaits}_s = {seconds:.2}");
+    println!("library_refused = {}", refused.into_inner());
+    println!("library_mean_iterations = {:.2}", iterations.into_inner() as f64 / library.grid().points() as f64);
+}

@@ -1,0 +1,312 @@
+//! `tandem library`: many gaits solved ahead of time.
+
+use crate::plan::write;
+use crate::robots::RobotArguments;
+use anyhow::{Context, Result, bail};
+use gait_design::library::{Axis, Entry, Field, Grid, Library};
+use gait_design::{GaitRequest, PlanOptions};
+use indicatif::{ProgressBar, ProgressStyle};
+use std::io::Write;
+use std::ops::ControlFlow;
+use std::path::{Path, PathBuf};
+use std::process::ExitCode;
+use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
+use std::sync::mpsc;
+use std::time::Instant;
+
+/// Solve a grid of requests ahead of time, and take gaits from it
+///
+///   tandem library solve amble --axis clearance_m=0.06:0.15:10 --axis speed_m_s=0:0.5:100 -o vision60.library
+///   tandem library show vision60.library
+///   tandem library gait vision60.library --set speed_m_s=0.33 --set clearance_m=0.1 -o gait.json
+#[derive(clap::Args)]
+#[command(verbatim_doc_comment)]
+pub struct Arguments {
+    #[command(subcommand)]
+    command: Command,
+}
+
+#[derive(clap::Subcommand)]
+enum Command {
+    Solve(SolveArguments),
+    Show(ShowArguments),
+    Gait(GaitArguments),
+}
+
+/// Solve every combination of the axes' values, on all cores
+///
+/// The file is written while it is solved; the same command again takes up an interrupted one. The last axis is walked along,
+/// each gait from those before it: give it the most values.
+#[derive(clap::Args)]
+struct SolveArguments {
+    /// gait1, gait2, gait3, gait4 or amble: gives what no axis varies
+    behaviour: String,
+    /// An axis: first value, last value, how many. Fields: step_duration_s, clearance_m, speed_m_s, height_m, half_width_m, slope_rad
+    #[arg(long = "axis", value_name = "FIELD=FROM:TO:COUNT", required = true, value_parser = axis, allow_hyphen_values = true)]
+    axes: Vec<Axis>,
+    /// The library's file
+    #[arg(short, long, value_name = "FILE")]
+    output: PathBuf,
+    /// Solve on so many threads instead of one a core
+    #[arg(long, value_name = "N")]
+    threads: Option<usize>,
+    #[command(flatten)]
+    robot: RobotArguments,
+}
+
+/// Say what is in a library
+#[derive(clap::Args)]
+struct ShowArguments {
+    /// The library's file
+    file: PathBuf,
+    #[command(flatten)]
+    robot: RobotArguments,
+}
+
+/// Take a gait out of a library: a grid point's own, or interpolated between its neighbours, saying how far it breaks the constraints
+#[derive(clap::Args)]
+struct GaitArguments {
+    /// The library's file
+    file: PathBuf,
+    /// A field of the request; what is not given is as at the grid's first point
+    #[arg(long = "set", value_name = "FIELD=VALUE", value_parser = assignment, allow_hyphen_values = true)]
+    values: Vec<(Field, f64)>,
+    /// Solve from the interpolated gait, so that it breaks no constraint
+    #[arg(long)]
+    solve: bool,
+    /// Where to write the gait file
+    #[arg(short, long, value_name = "FILE")]
+    output: Option<PathBuf>,
+    #[command(flatten)]
+    robot: RobotArguments,
+}
+
+fn field(name: &str) -> Result<Field, String> {
+    let found = Field::ALL.iter().find(|(known, _)| *known == name);
+    found.map(|(_, field)| *field).ok_or_else(|| {
+        let known: Vec<&str> = Field::ALL.iter().map(|(known, _)| *known).collect();
+        format!("\"{name}\" is not a field of a library, expected one of {}", known.join(", "))
+    })
+}
+
+fn number(text: &str) -> Result<f64, String> {
+    let value: f64 = text.parse().map_err(|_| format!("\"{text}\" is not a number"))?;
+    if value.is_finite() { Ok(value) } else { Err(format!("{value} is not a finite number")) }
+}
+
+fn assignment(text: &str) -> Result<(Field, f64), String> {
+    let (name, value) = text.split_once('=').ok_or("expected FIELD=VALUE")?;
+    Ok((field(name)?, number(value)?))
+}
+
+fn axis(text: &str) -> Result<Axis, String> {
+    let (name, range) = text.split_once('=').ok_or("expected FIELD=FROM:TO:COUNT")?;
+    let field = field(name)?;
+    let [from, to, count] = range.split(':').collect::<Vec<_>>()[..] else {
+        return Err(format!("\"{range}\": expected FROM:TO:COUNT"));
+    };
+    let (from, to) = (number(from)?, number(to)?);
+    let count: usize = count.parse().map_err(|_| format!("\"{count}\" is not a count"))?;
+    if count == 0 || count > gait_design::library::MOST_POINTS {
+        return Err(format!("{count} values, expected 1 to {}", gait_design::library::MOST_POINTS));
+    }
+    let values = (0..count)
+        .map(|k| if k + 1 == count && k > 0 { to } else { from + (to - from) * k as f64 / (count.max(2) - 1) as f64 });
+    Ok(Axis { field, values: values.collect() })
+}
+
+/// Runs the subcommand.
+pub fn run(arguments: &Arguments) -> Result<ExitCode> {
+    match &arguments.command {
+        Command::Solve(a) => solve(a),
+        Command::Show(a) => show(a),
+        Command::Gait(a) => gait(a),
+    }?;
+    Ok(ExitCode::SUCCESS)
+}
+
+fn read(file: &Path) -> Result<String> {
+    std::fs::read_to_string(file).with_context(|| format!("cannot read {}", file.display()))
+}
+
+fn solve(arguments: &SolveArguments) -> Result<()> {
+    let robot = arguments.robot.load()?;
+    let file = &arguments.output;
+    let named = || file.display().to_string();
+    let base = GaitRequest::named(&arguments.behaviour, &robot)?;
+    let grid = Grid::new(&robot, base, arguments.axes.clone())?;
+    let mut library = Library::new(&robot, grid);
+    let mut out;
+    if file.exists() {
+        let text = read(file)?;
+        let (old, used) = Library::resume(&text, &robot)
+            .with_context(|| format!("{}: remove it to begin anew, or give another file", named()))?;
+        if old.grid() != library.grid() {
+            bail!("{} has another grid: remove it to begin anew, or give another file", named());
+        }
+        out = std::fs::OpenOptions::new().append(true).open(file).with_context(named)?;
+        out.set_len(used as u64).with_context(named)?;
+        library = old;
+    } else {
+        out = std::fs::File::create(file).with_context(|| format!("cannot make {}", named()))?;
+        out.write_all(library.header_line().as_bytes()).with_context(named)?;
+    }
+    let (all, before) = (library.grid().points(), library.missing());
+    if before < all {
+        println!("{} of {all} gaits are in {} already", all - before, named());
+    }
+    let threads = match arguments.threads {
+        Some(0) => bail!("--threads is 0, expected at least 1"),
+        Some(threads) => threads,
+        None => std::thread::available_parallelism().map_or(1, usize::from),
+    };
+    let bar = ProgressBar::new(all as u64).with_position((all - before) as u64);
+    let style = ProgressStyle::with_template("{bar:40} {pos} of {len} gaits, {per_sec}, {eta} left{msg}");
+    bar.set_style(style.expect("the template is a constant"));
+    let start = Instant::now();
+    let (next_row, stop) = (AtomicUsize::new(0), AtomicBool::new(false));
+    let (sender, solved) = mpsc::channel::<(usize, Entry)>();
+    let (mut refused, mut new) = (0, Vec::new());
+    std::thread::scope(|scope| -> Result<()> {
+        for _ in 0..threads {
+            let (sender, library, robot, next_row, stop) = (sender.clone(), &library, &robot, &next_row, &stop);
+            scope.spawn(move || {
+                loop {
+                    let row = next_row.fetch_add(1, Ordering::Relaxed);
+                    if row >= library.grid().rows() || stop.load(Ordering::Relaxed) {
+                        break;
+                    }
+                    library.solve_row(robot, row, |index, entry| {
+                        let received = library.entries()[index].is_some() || sender.send((index, entry)).is_ok();
+                        if received && !stop.load(Ordering::Relaxed) {
+                            ControlFlow::Continue(())
+                        } else {
+                            ControlFlow::Break(())
+                        }
+                    });
+                }
+            });
+        }
+        drop(sender);
+        for (index, entry) in solved {
+            let written = out.write_all(Library::entry_line(index, &entry).as_bytes());
+            if let Err(e) = written {
+                stop.store(true, Ordering::Relaxed);
+                return Err(e).with_context(|| format!("cannot write {}", named()));
+            }
+            if matches!(entry, Entry::Refused(_)) {
+                refused += 1;
+                bar.set_message(format!(", {refused} refused"));
+            }
+            bar.inc(1);
+            new.push((index, entry));
+        }
+        Ok(())
+    })?;
+    bar.finish_and_clear();
+    for (index, entry) in new {
+        library.insert(index, entry);
+    }
+    drop(out);
+    // In the grid's order, so that the file does not tell which thread was faster.
+    write(file, &library.to_text())?;
+    println!("solved {} gaits in {:.2} s on {threads} threads", before, start.elapsed().as_secs_f64());
+    describe(&library, file);
+    Ok(())
+}
+
+fn describe(library: &Library, file: &Path) {
+    let (mut gaits, mut iterations, mut refused) = (0, 0, Vec::new());
+    for (index, entry) in library.entries().iter().enumerate() {
+        match entry {
+            Some(Entry::Gait { iterations: i, .. }) => {
+                gaits += 1;
+                iterations += u64::from(*i);
+            }
+            Some(Entry::Refused(why)) => refused.push((index, why)),
+            None => {}
+        }
+    }
+    println!("{}: {gaits} gaits, {:.1} iterations each", file.display(), iterations as f64 / f64::from(gaits.max(1)));
+    for axis in library.grid().axes() {
+        let (first, last) = (axis.values[0], axis.values[axis.values.len() - 1]);
+        println!("  {:16} {} values from {first} to {last}", axis.field.name(), axis.values.len());
+    }
+    const SHOWN: usize = 5;
+    for (index, why) in refused.iter().take(SHOWN) {
+        let r = library.grid().request(*index);
+        println!(
+            "  refused: clearance {} m, speed {} m/s, T {} s: {why}",
+            r.clearance_m, r.speed_m_s, r.step_duration_s
+        );
+    }
+    if refused.len() > SHOWN {
+        println!("  and {} more refused", refused.len() - SHOWN);
+    }
+}
+
+fn show(arguments: &ShowArguments) -> Result<()> {
+    let robot = arguments.robot.load()?;
+    let library =
+        Library::from_text(&read(&arguments.file)?, &robot).with_context(|| arguments.file.display().to_string())?;
+    describe(&library, &arguments.file);
+    Ok(())
+}
+
+fn gait(arguments: &GaitArguments) -> Result<()> {
+    let robot = arguments.robot.load()?;
+    let library =
+        Library::from_text(&read(&arguments.file)?, &robot).with_context(|| arguments.file.display().to_string())?;
+    let mut request = library.grid().request(0);
+    for &(field, value) in &arguments.values {
+        field.set(&mut request, value);
+    }
+    let found = library.find(&robot, &request)?;
+    println!(
+        "{} from {} of the library's gaits: the most broken constraint is {} (by {:.1e})",
+        found.gait.solver.status,
+        found.neighbours.len(),
+        found.violation.name,
+        found.violation.amount
+    );
+    let mut gait = found.gait;
+    if arguments.solve {
+        let start = Instant::now();
+        let options = PlanOptions { warm_start: Some(found.warm_start), ..PlanOptions::default() };
+        gait = gait_design::plan(&robot, &request, &options, |_| ControlFlow::Continue(()))?.gait;
+        gait.solver.solve_time_s = start.elapsed().as_secs_f64();
+        println!(
+            "solved from there in {} iterations, {:.1} ms",
+            gait.solver.iterations,
+            1e3 * gait.solver.solve_time_s
+        );
+    }
+    if let Some(file) = &arguments.output {
+        write(file, &gait.to_json())?;
+        println!("{}", file.display());
+    }
+    Ok(())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn an_axis_has_its_ends_exactly_and_mistakes_are_named() {
+        let a = axis("speed_m_s=-0.3:0.5:9").unwrap();
+        assert_eq!((a.field, a.values.len(), a.values[0], a.values[8]), (Field::SpeedMS, 9, -0.3, 0.5));
+        assert_eq!(axis("height_m=0.55:0.55:1").unwrap().values, [0.55]);
+        for (text, expected) in [
+            ("speed=0:1:2", "\"speed\" is not a field"),
+            ("speed_m_s", "FIELD=FROM:TO:COUNT"),
+            ("speed_m_s=0:1", "FROM:TO:COUNT"),
+            ("speed_m_s=0:fast:3", "\"fast\" is not a number"),
+            ("speed_m_s=0:inf:3", "not a finite number"),
+            ("speed_m_s=0:1:0", "0 values"),
+        ] {
+            let e = axis(text).unwrap_err();
+            assert!(e.contains(expected), "expected {expected:?} in {e:?}");
+        }
+    }
+}
