@@ -59,8 +59,8 @@ pub struct ProgramSettings {
     pub height_tolerance_m: f64,
     /// How far the distance between the two stance toes may differ from the one asked for, m.
     pub toe_distance_tolerance_m: f64,
-    /// Smallest normal force of a stance toe, N.
-    pub normal_force_min_n: f64,
+    /// Smallest normal force of a stance toe, as a share of the robot's weight.
+    pub normal_force_min_share: f64,
     /// Bound of roll, pitch and yaw, rad.
     pub orientation_limit_rad: f64,
     /// How far the swing toes may miss the clearance in the middle of the step, m.
@@ -77,7 +77,8 @@ impl Default for ProgramSettings {
             acceleration_weight: 1e-7,
             height_tolerance_m: 0.01,
             toe_distance_tolerance_m: 0.005,
-            normal_force_min_n: 30.0,
+            // 30 N on the Vision 60.
+            normal_force_min_share: 30.0 / (38.0 * 9.81),
             orientation_limit_rad: 0.3,
             clearance_tolerance_m: 0.005,
             clearance_margin_m: 0.01,
@@ -200,6 +201,10 @@ impl DecomposedProgram {
         self.settings.points
     }
 
+    fn normal_force_min_n(&self) -> f64 {
+        self.settings.normal_force_min_share * self.bipeds.total_mass_kg() * 9.81
+    }
+
     pub(crate) fn bipeds(&self) -> &BipedPair {
         &self.bipeds
     }
@@ -261,6 +266,7 @@ impl DecomposedProgram {
         let angle = s.orientation_limit_rad;
         let rate = robot.limits.velocity_rad_s;
         let torque: [f64; 6] = std::array::from_fn(|j| request.torque_limit_nm[j % 3]);
+        let normal_force_min_n = self.normal_force_min_n();
         let reach = 0.5 + (request.speed_m_s * t).abs();
         for point in 0..s.points {
             // x starts at 0: where the step begins is free.
@@ -283,7 +289,7 @@ impl DecomposedProgram {
             push(&acceleration.map(|v| -v), &acceleration);
             push(&torque.map(|v| -v), &torque);
             for _ in 0..2 {
-                push(&[-1e3, -1e3, s.normal_force_min_n], &[1e3, 1e3, 3e3]);
+                push(&[-1e3, -1e3, normal_force_min_n], &[1e3, 1e3, 3e3]);
             }
             push(&[-1e4; 6], &[1e4; 6]);
             push(&torque.map(|v| -v), &torque);

@@ -295,3 +295,45 @@ fn where_a_robot_is_and_where_it_heads_does_not_matter_to_its_multipliers() {
     radii.sort_by(|a, b| a.0.total_cmp(&b.0));
     assert!(radii.windows(2).all(|w| w[0].1 < w[1].1), "{radii:?}");
 }
+
+/// Twenty more requests (behaviour, step frequency Hz, clearance m, speed m/s, height m, half-width m) with the optimum's cost by the
+/// same independent transcription as above.
+const MORE_PEER_COSTS: [(&str, f64, f64, f64, f64, f64, f64); 20] = [
+    ("gait1", 4.44, 0.106, 0.00, 0.543, 0.253, 0.05468068),
+    ("amble", 2.09, 0.119, 0.42, 0.497, 0.24, 0.10761389),
+    ("gait2", 3.23, 0.119, 0.00, 0.51, 0.242, 0.04868250),
+    ("amble", 4.35, 0.127, 0.17, 0.571, 0.227, 0.05514860),
+    ("gait3", 4.17, 0.093, 0.00, 0.532, 0.23, 0.04862450),
+    ("amble", 3.73, 0.098, -0.10, 0.543, 0.222, 0.04346534),
+    ("gait4", 2.55, 0.105, 0.00, 0.501, 0.249, 0.04672984),
+    ("amble", 2.66, 0.057, 0.10, 0.514, 0.215, 0.04202062),
+    ("gait1", 3.38, 0.134, 0.00, 0.572, 0.221, 0.03890582),
+    ("amble", 3.35, 0.064, 0.08, 0.537, 0.217, 0.03843201),
+    ("gait2", 2.21, 0.144, 0.00, 0.512, 0.211, 0.04202841),
+    ("amble", 3.15, 0.112, 0.03, 0.56, 0.229, 0.03735084),
+    ("gait3", 4.29, 0.094, 0.00, 0.523, 0.213, 0.05073751),
+    ("amble", 2.7, 0.06, 0.39, 0.492, 0.215, 0.06618500),
+    ("gait4", 3.22, 0.081, 0.00, 0.565, 0.237, 0.03465890),
+    ("amble", 2.59, 0.069, 0.06, 0.498, 0.211, 0.04412201),
+    ("gait1", 3.2, 0.123, 0.00, 0.488, 0.253, 0.05350653),
+    ("amble", 3.07, 0.081, -0.10, 0.489, 0.231, 0.04908690),
+    ("gait2", 2.54, 0.115, 0.00, 0.502, 0.256, 0.04739448),
+    ("amble", 2.87, 0.117, 0.39, 0.544, 0.255, 0.05726773),
+];
+
+#[test]
+fn twenty_other_requests_converge_to_the_independent_optimum() {
+    let robot = vision60();
+    for (name, frequency_hz, clearance_m, speed_m_s, height_m, half_width_m, peer) in MORE_PEER_COSTS {
+        let request = GaitRequest {
+            step_duration_s: step_duration_from_step_frequency(frequency_hz),
+            clearance_m,
+            speed_m_s,
+            height_m,
+            half_width_m,
+            ..GaitRequest::named(name, &robot).unwrap()
+        };
+        let cost = plan(&robot, &request, &PlanOptions::default(), go_on).unwrap().gait.solver.objective;
+        assert!((cost / peer - 1.0).abs() < 1e-4, "{name} at {frequency_hz} Hz: {cost}, the peer {peer}");
+    }
+}

@@ -203,7 +203,7 @@ pub fn between_points(robot: &Robot, request: &GaitRequest, gait: &Gait, points:
     let mut worst = BetweenPoints::default();
     let t = gait.step_duration_s;
     let h = 2.0 * t / (points.len() - 1) as f64;
-    let settings = crate::ProgramSettings::default();
+    let normal_force_min_n = crate::ProgramSettings::default().normal_force_min_share * model.total_mass() * 9.81;
     let face = request.friction / std::f64::consts::SQRT_2;
     let mut stood: Option<[nalgebra::Vector3<f64>; 2]> = None;
     let raise = |to: &mut f64, value: f64| *to = to.max(value);
@@ -251,7 +251,7 @@ pub fn between_points(robot: &Robot, request: &GaitRequest, gait: &Gait, points:
             }
             for (_, f) in forces {
                 let needed = f.x.abs().max(f.y.abs()) - face * f.z;
-                raise(&mut worst.ground_force_n, needed.max(settings.normal_force_min_n - f.z));
+                raise(&mut worst.ground_force_n, needed.max(normal_force_min_n - f.z));
             }
         }
     }
