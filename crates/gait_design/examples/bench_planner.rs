@@ -3,7 +3,7 @@
 //! bench_planner times | memory | library GAITS THREADS
 
 use gait_design::library::{Axis, Field, Grid, Library};
-use gait_design::{GaitRequest, PlanOptions, SubproblemSolver, behaviours, plan};
+use gait_design::{GaitRequest, PlanOptions, SubproblemSolver, behaviours, plan, plan_full_order};
 use robot::Robot;
 use std::hint::black_box;
 use std::ops::ControlFlow;
@@ -47,6 +47,15 @@ fn median(mut values: Vec<f64>) -> f64 {
 
 /// Mean over the five gaits of the median time of a whole [`plan`], ms.
 fn mean_ms(robot: &Robot, options: &PlanOptions, rounds: usize) -> f64 {
+    mean_ms_by(robot, options, rounds, solve)
+}
+
+fn mean_ms_by(
+    robot: &Robot,
+    options: &PlanOptions,
+    rounds: usize,
+    solve: impl Fn(&Robot, &GaitRequest, &PlanOptions) -> gait_design::Plan,
+) -> f64 {
     let of = |name: &str| {
         let request = GaitRequest::named(name, robot).expect("a behaviour's own name");
         black_box(solve(robot, &request, options));
@@ -66,7 +75,14 @@ fn times(robot: &Robot) {
     println!("cold_mean_ms = {cold:.3}");
 
     let large = PlanOptions { subproblem: SubproblemSolver::Sparse, ..PlanOptions::default() };
-    println!("large_form_mean_ms = {:.2}", mean_ms(robot, &large, 3));
+    let large_ms = mean_ms(robot, &large, 3);
+    println!("large_form_mean_ms = {large_ms:.2}");
+    // The program without the decomposition by the same general solver of the subproblems.
+    let whole = |robot: &Robot, request: &GaitRequest, options: &PlanOptions| {
+        plan_full_order(robot, request, options, |_| ControlFlow::Continue(()))
+            .expect("the five gaits have full-order plans")
+    };
+    println!("full_order_ratio = {:.2}", mean_ms_by(robot, &large, 3, whole) / large_ms);
 
     // 1,000 changes of speed by 0.1 m/s or of clearance by 2 cm, each from the solution before, back and forth over the range.
     let mut request = GaitRequest::named("amble", robot).expect("a behaviour's own name");

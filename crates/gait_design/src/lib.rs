@@ -12,6 +12,7 @@
 
 mod biped;
 mod condensed;
+mod full_order;
 mod guess;
 pub mod library;
 mod nearest;
@@ -23,6 +24,7 @@ mod verification;
 
 pub use biped::BipedPair;
 pub use condensed::Condensed;
+pub use full_order::{FullOrderProgram, plan_full_order};
 pub use guess::Unreachable;
 pub use nearest::{Changed, Nearest, Refusal, nearest, plan_or_nearest};
 pub use program::{DecomposedProgram, ProgramSettings};
@@ -153,7 +155,8 @@ pub fn plan(
         max_violation: solution.worst.amount,
         objective: solution.objective,
     };
-    let gait = recompose::gait(robot, &program, request, &solution.x, &points, summary)?;
+    let (x, coefficients) = (&solution.x, recompose::coefficients(&program, &solution.x));
+    let gait = recompose::gait(robot, coefficients, x[program::layout::T], request, &points, summary)?;
     Ok(Plan { gait, points, warm_start: WarmStart(solution.x), log: solution.log })
 }
 

@@ -7,7 +7,7 @@
 //!
 //! This module opens no file and starts no thread: [`Library::solve_row`] can be called for different rows at once.
 
-use crate::program::ProgramSettings;
+use crate::program::{ProgramSettings, layout};
 use crate::request::{GaitRequest, RequestError};
 use crate::{PlanError, PlanOptions, WarmStart, leg_length_m, on_slope, program_of, recompose, solve};
 use gait::{Gait, SolverSummary};
@@ -459,7 +459,8 @@ impl Library {
         let violation = nlp::most_broken(&program, &x, &constraints);
         summary.max_violation = violation.amount;
         let points = recompose::points(robot, &program, &x, f64::INFINITY)?;
-        let gait = recompose::gait(robot, &program, request, &x, &points, summary)?;
+        let gait =
+            recompose::gait(robot, recompose::coefficients(&program, &x), x[layout::T], request, &points, summary)?;
         Ok(Found { gait, violation, neighbours: corners, warm_start: WarmStart(x) })
     }
 
@@ -532,7 +533,7 @@ impl Library {
             return Err(at(1)(format!("points is {}, expected an odd number from 5", header.points)));
         }
         let entries = vec![None; header.grid.points()];
-        let unknowns = crate::program::layout::point(header.points);
+        let unknowns = layout::point(header.points);
         let mut library = Self { header, entries };
         library.check_robot(robot)?;
         for (number, line) in (2..).zip(lines) {

@@ -138,20 +138,20 @@ pub struct DecomposedProgram {
 }
 
 /// Takes the Jacobian's nonzeros in one fixed order: once their places, afterwards their values.
-trait Sink {
+pub(crate) trait Sink {
     fn put(&mut self, row: usize, column: usize, value: f64);
 }
 
-struct Places(Vec<(usize, usize)>);
+pub(crate) struct Places(pub Vec<(usize, usize)>);
 impl Sink for Places {
     fn put(&mut self, row: usize, column: usize, _: f64) {
         self.0.push((row, column));
     }
 }
 
-struct ValuesSink<'a> {
-    values: &'a mut [f64],
-    next: usize,
+pub(crate) struct ValuesSink<'a> {
+    pub values: &'a mut [f64],
+    pub next: usize,
 }
 impl Sink for ValuesSink<'_> {
     fn put(&mut self, _: usize, _: usize, value: f64) {
@@ -640,7 +640,7 @@ fn twelve(p: &[f64], start: usize) -> &[f64; DOF] {
     p[start..start + DOF].try_into().expect("twelve entries")
 }
 
-fn three(p: &[f64], start: usize) -> nalgebra::Vector3<f64> {
+pub(crate) fn three(p: &[f64], start: usize) -> nalgebra::Vector3<f64> {
     nalgebra::Vector3::new(p[start], p[start + 1], p[start + 2])
 }
 

@@ -70,16 +70,8 @@ pub(crate) fn points(
         .collect()
 }
 
-/// The gait of a solution.
-pub(crate) fn gait(
-    robot: &Robot,
-    program: &DecomposedProgram,
-    request: &GaitRequest,
-    x: &[f64],
-    points: &[PlanPoint],
-    solver: SolverSummary,
-) -> Result<Gait, PlanError> {
-    let t = x[at::T];
+/// The polynomials of all twelve joints of a solution.
+pub(crate) fn coefficients(program: &DecomposedProgram, x: &[f64]) -> [Coefficients; JOINTS] {
     let mut coefficients_rad = [[0.0; 6]; JOINTS];
     for k in 0..=bezier::DEGREE {
         let mut front = [0.0; DOF];
@@ -92,6 +84,18 @@ pub(crate) fn gait(
             coefficients_rad[j][k] = all[6 + j];
         }
     }
+    coefficients_rad
+}
+
+/// The gait of a solution.
+pub(crate) fn gait(
+    robot: &Robot,
+    coefficients_rad: [Coefficients; JOINTS],
+    t: f64,
+    request: &GaitRequest,
+    points: &[PlanPoint],
+    solver: SolverSummary,
+) -> Result<Gait, PlanError> {
     let kp: [f64; JOINTS] = std::array::from_fn(|j| robot.gains.kp_nm_per_rad[j % 3]);
     let kd: [f64; JOINTS] = std::array::from_fn(|j| robot.gains.kd_nm_s_per_rad[j % 3]);
     let first = &points[0];

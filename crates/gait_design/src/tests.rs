@@ -36,7 +36,11 @@ fn the_jacobian_agrees_with_central_differences_everywhere() {
     for v in &mut x {
         *v += 0.05 * random() * v.abs().max(1.0);
     }
-    let mut evaluation = Evaluation::new(&program);
+    agrees_with_central_differences(&mut program, x);
+}
+
+fn agrees_with_central_differences(program: &mut impl Problem, mut x: Vec<f64>) {
+    let mut evaluation = Evaluation::new(program);
     program.evaluate(&x, &mut evaluation);
     let (n, m) = (x.len(), evaluation.constraints.len());
     let mut analytic = vec![vec![0.0; n]; m];
@@ -66,6 +70,41 @@ fn the_jacobian_agrees_with_central_differences_everywhere() {
         }
         let slope = (objective_above - objective_below) / (2.0 * h);
         assert!((slope - evaluation.gradient[column]).abs() < 1e-5 * (1.0 + slope.abs()));
+    }
+}
+
+#[test]
+fn the_full_order_program_s_jacobian_agrees_with_central_differences() {
+    let robot = vision60();
+    let request = GaitRequest::named("amble", &robot).unwrap();
+    let settings = ProgramSettings { points: 5, ..ProgramSettings::default() };
+    let mut decomposed = program_of(&robot, &request, settings.clone()).unwrap();
+    let x = guess::nominal(&robot, &mut decomposed, &request).unwrap();
+    let mut x = full_order::recomposed(&decomposed, &x);
+    let mut random = noise(7);
+    for v in &mut x {
+        *v += 0.05 * random() * v.abs().max(1.0);
+    }
+    agrees_with_central_differences(&mut FullOrderProgram::new(&robot, &request, &settings, &decomposed), x);
+}
+
+#[test]
+fn the_full_order_program_converges_to_gaits_no_costlier_than_the_decomposed_one_s() {
+    let robot = vision60();
+    for name in ["gait1", "amble"] {
+        let request = GaitRequest::named(name, &robot).unwrap();
+        let whole = plan_full_order(&robot, &request, &PlanOptions::default(), go_on).unwrap();
+        let decomposed = plan(&robot, &request, &PlanOptions::default(), go_on).unwrap();
+        let (a, b) = (&whole.gait.solver, &decomposed.gait.solver);
+        println!(
+            "{name}: full order {} in {}, decomposed {} in {}",
+            a.objective, a.iterations, b.objective, b.iterations
+        );
+        assert!(a.objective <= b.objective + 1e-6, "{name}: {} above {}", a.objective, b.objective);
+        assert!(a.iterations <= 25 && a.max_violation <= 1e-5, "{name}: {a:?}");
+        let comparison = simulate_planned_step(&robot, &whole.gait, &whole.points).unwrap();
+        // The freer motion of its rear legs is coarser sampled by eleven points than the decomposed plan's.
+        assert!(comparison.joint_error_rad < 0.01 && comparison.normal_force_error < 0.01, "{name}: {comparison:?}");
     }
 }
 
