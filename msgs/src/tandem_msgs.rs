@@ -35,7 +35,8 @@ messages! { "tandem_msgs";
         state_seen: bool,
         /// The stamp of the recorded `JointState` that it saw, ns.
         state_stamp_ns: u64,
-        /// When each joint's values arrived on the controller's clock, ns; 12 entries, or none without a state.
+        /// When each joint's values arrived on the controller's clock, ns; 12 entries, or 1 where all are the same, or none
+        /// without a state.
         state_arrived_ns: Vec<u64>,
         /// 12 entries, degrees Celsius; none where drives do not report it.
         state_temperature_c: Vec<f64>,
@@ -209,6 +210,39 @@ messages! { "tandem_msgs";
         /// For people: what was wrong.
         message: String,
     }
+    /// Where to record.
+    StartRecordingRequest {
+        /// Folder of the new bag, on the controller's machine: a whole path; must be empty or not there.
+        folder: String,
+    }
+    /// Whether it records.
+    StartRecordingResponse {
+        /// It records.
+        success: bool,
+        /// For people: what was wrong.
+        message: String,
+    }
+    /// Ends the recording.
+    #[derive(Copy)]
+    StopRecordingRequest {
+        /// Never used: a structure on the wire has at least one byte.
+        structure_needs_at_least_one_member: u8,
+    }
+    /// What was recorded.
+    StopRecordingResponse {
+        /// The bag is complete.
+        success: bool,
+        /// For people: what was wrong.
+        message: String,
+        /// The bag's folder.
+        folder: String,
+        /// Messages in the bag.
+        messages: u64,
+        /// Messages, and whole control cycles, that are not in it because the disk was too slow.
+        dropped: u64,
+        /// Size of the bag's files.
+        bytes: u64,
+    }
     /// The action's feedback: one iteration of the solver.
     GenerateGaitFeedback {
         /// Outer iterations done.
@@ -233,6 +267,15 @@ service! {
 service! {
     /// Loads a gait file's text.
     "tandem_msgs" LoadGait: LoadGaitRequest -> LoadGaitResponse
+}
+
+service! {
+    /// Begins a recording of the run.
+    "tandem_msgs" StartRecording: StartRecordingRequest -> StartRecordingResponse
+}
+service! {
+    /// Ends the recording of the run.
+    "tandem_msgs" StopRecording: StopRecordingRequest -> StopRecordingResponse
 }
 
 /// Plans a gait, with progress, cancellable. Goal and result have the fields of the service of the same name.

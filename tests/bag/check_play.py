@@ -1,6 +1,8 @@
 """A bag that we play is received whole, in order and to the value by a real rclpy subscriber.
 
-    ROS_DOMAIN_ID=85 python check_play.py TANDEM BAG CYCLES        (BAG: written by sample_bag; python: one with rclpy)
+    ROS_DOMAIN_ID=85 python check_play.py TANDEM BAG CYCLES        [FOREIGN...]
+
+BAG: written by sample_bag; FOREIGN: by check_foreign.py; python: one with rclpy.
 """
 
 import os
@@ -23,13 +25,18 @@ def check(condition, what):
         sys.exit(f"FAILED: {what}")
 
 
-def play(node, arguments, seconds):
-    """Plays to the end, spinning meanwhile; gives the exit code."""
-    player = subprocess.Popen(arguments, stdin=subprocess.DEVNULL)
-    deadline = time.monotonic() + seconds
-    while player.poll() is None and time.monotonic() < deadline:
+def play(node, arguments, seconds, lines=()):
+    """Plays to the end, spinning meanwhile; `lines`: (when in s, what) for the player's standard input. Gives the exit code."""
+    player = subprocess.Popen(arguments, stdin=subprocess.PIPE, stdout=subprocess.DEVNULL, text=True)
+    begun, waiting = time.monotonic(), list(lines)
+    while player.poll() is None and time.monotonic() < begun + seconds:
         rclpy.spin_once(node, timeout_sec=0.05)
-    check(player.poll() is not None, f"playing did not end in {seconds} s")
+        while waiting and time.monotonic() - begun >= waiting[0][0]:
+            player.stdin.write(waiting.pop(0)[1] + "\n")
+            player.stdin.flush()
+    if player.poll() is None:
+        player.kill()
+    check(player.poll() is not None and not waiting, f"playing did not end in {seconds} s")
     for _ in range(200):
         rclpy.spin_once(node, timeout_sec=0.005)
     return player.returncode
@@ -64,15 +71,43 @@ def main():
     check(clocks[0] >= 0.9 and clocks[-1] <= 1.0 + cycles * 0.001 + 0.1, f"the clock ran from {clocks[0]} to {clocks[-1]}")
     check(took >= cycles / 1000 / 0.5, f"half speed took {took:.1f} s")
     print(f"{cycles} joint states at half speed in {took:.1f} s: received whole and in order by rclpy; {len(clocks)} clocks")
+    def again(what, *options, seconds=60, lines=(), from_bag=bag):
+        """Plays with the usual remapping; gives the stamps of the states that came, in ms since the bag's first."""
+        states.clear()
+        descriptions.clear()
+        clocks.clear()
+        code = play(node, [tandem, "bag", "play", from_bag, "--reliable", "--delay", "3", *options, "--ros-args", "-r",
+                           "/joint_states:=/replayed/joint_states"], seconds, lines)
+        check(code == 0, f"{what}: the player ended with code {code}")
+        return [round(m.header.stamp.sec * 1000 + m.header.stamp.nanosec * 1e-6) - 1000 for m in states]
+
     # A start in the middle sends what is latched from before, and only the rest.
-    states.clear()
-    descriptions.clear()
-    start = cycles / 1000 - 0.5
-    code = play(node, [tandem, "bag", "play", bag, "--reliable", "--delay", "3", "--start", str(start), "--ros-args", "-r", "/joint_states:=/replayed/joint_states"], 60)
-    check(code == 0, f"the player ended with code {code}")
-    check(len(states) == 500, f"{len(states)} joint states came after --start {start}; expected 500")
+    came = again("seeking", "--start", str(cycles / 1000 - 0.5))
+    check(came == list(range(cycles - 500, cycles)), f"{len(came)} joint states came after the start, expected the last 500")
     check(len(descriptions) == 1, "the latched robot_description from before the start did not come")
-    print("seeking: 500 states after the start, and the latched message from before it")
+    print("start: 500 states after it, and the latched message from before it")
+    # Paused from the beginning: nothing until it goes on; then to the end, back, and to the end faster.
+    begun = time.monotonic()
+    came = again("controls", "--pause", "--clock", "--start", str(cycles / 1000 - 0.5), lines=[(6, "rate 10"), (6, "resume")])
+    check(time.monotonic() - begun > 6, "it did not pause")
+    check(came == list(range(cycles - 500, cycles)), f"{len(came)} joint states came after the pause, expected 500")
+    check(len(clocks) > 100 and clocks[100] == clocks[50], "the clock went on while it was paused")
+    came = again("seek", "--rate", "0.1", "--start", str(cycles / 1000 - 0.5),
+                 lines=[(5, f"seek {cycles / 1000 - 1}"), (5, "rate 10")])
+    back = next(n for n in range(1, len(came)) if came[n] < came[n - 1])
+    check(came[back:] == list(range(cycles - 1000, cycles)), f"seeking back sent {len(came) - back} states from {came[back]} to {came[-1]}")
+    check(came[0] == cycles - 500 and back < 400, f"{back} states came in two seconds at a tenth of the rate")
+    # In a loop it begins again until it is told to quit.
+    came = again("loop", "--loop", "--rate", "10", lines=[(7, "quit")], seconds=60)
+    rounds = sum(1 for n in came if n == 0)
+    check(rounds >= 2 and came[: 2 * cycles] == list(range(cycles)) * 2, f"{rounds} rounds in a loop")
+    print(f"pause, resume, rates 0.1 and 10, seek and quit on standard input work; {rounds} rounds in a loop, none with a hole")
+    # Bags that rosbags' own writer made.
+    for foreign in sys.argv[4:]:
+        came = again(foreign, from_bag=foreign)
+        check(came == list(range(500)), f"{foreign}: {len(came)} joint states came, expected 500")
+        check(states[7].header.frame_id == 'base, "link"' and states[7].position[3] == 7 + 3 / 16, f"{foreign}: values")
+        print(f"{os.path.basename(foreign)}, written by rosbags: 500 joint states received whole")
     node.destroy_node()
     rclpy.shutdown()
 

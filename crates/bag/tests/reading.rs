@@ -306,6 +306,11 @@ fn change(bytes: &mut Vec<u8>, random: &mut Random) {
     }
 }
 
+/// How many cases: more by the environment variable BAG_FUZZ_CASES, for a long run now and then.
+fn cases(usual: usize) -> usize {
+    std::env::var("BAG_FUZZ_CASES").ok().and_then(|text| text.parse().ok()).unwrap_or(usual)
+}
+
 #[test]
 fn any_bytes_are_a_bag_or_an_error_never_a_panic() {
     let folder = tempfile::tempdir().unwrap();
@@ -319,7 +324,7 @@ fn any_bytes_are_a_bag_or_an_error_never_a_panic() {
     let fuzzed = folder.path().join("fuzzed.mcap");
     let mut random = Random(20);
     let (mut opened, mut refused, mut saved) = (0, 0, 0);
-    for round in 0..6000 {
+    for round in 0..cases(6000) {
         let mut bytes = seeds[round % seeds.len()].clone();
         change(&mut bytes, &mut random);
         fs::write(&fuzzed, &bytes).unwrap();
@@ -340,7 +345,7 @@ fn any_bytes_are_a_bag_or_an_error_never_a_panic() {
                 assert!(text.contains("fuzzed.mcap") && text.len() < 600, "{text}");
             }
         }
-        if round % 40 == 0 {
+        if round % 40 == 0 && round < 6000 {
             let target = folder.path().join(format!("saved_{round}"));
             saved += u64::from(bag::recover(&fuzzed, &target).is_ok());
         }
@@ -358,7 +363,7 @@ fn any_sqlite3_bytes_are_a_bag_or_an_error_never_a_panic() {
     let seed = fs::read(&path).unwrap();
     let fuzzed = folder.path().join("fuzzed.db3");
     let mut random = Random(21);
-    for _ in 0..1500 {
+    for _ in 0..cases(1500) {
         let mut bytes = seed.clone();
         change(&mut bytes, &mut random);
         fs::write(&fuzzed, &bytes).unwrap();

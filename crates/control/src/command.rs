@@ -6,7 +6,7 @@ use crate::JOINTS;
 /// τ = kp (q_des − q) + kd (q̇_des − q̇) + τ_ff.
 ///
 /// Joints are in the order leg × (hip roll, hip pitch, knee), legs front-left, rear-left, front-right, rear-right.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
 pub struct JointCommand {
     /// q_des, rad.
     pub position_rad: [f64; JOINTS],

@@ -1,7 +1,7 @@
 //! The controller: one pure step from what was measured and asked to what is sent.
 
 use crate::STILL_RAD;
-use crate::limits::Limiter;
+use crate::limits::{Limiter, LimiterMemory};
 use crate::ramp::Ramp;
 use crate::{
     Config, ConfigError, DriveMode, Event, Fault, FaultReport, FaultSet, Guards, JOINTS, JointCommand, Mode,
@@ -14,7 +14,7 @@ use std::time::Duration;
 pub const MAX_REQUESTS: usize = 8;
 
 /// What the drives, or the simulator, reported.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
 pub struct JointState {
     /// The state's own time stamp: a new stamp is a new state.
     pub stamp: Duration,
@@ -79,7 +79,7 @@ pub struct Input<'a> {
 }
 
 /// Why the robot is damped.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
 pub enum DampingReason {
     /// It was just armed, or its faults were cleared.
     Armed,
@@ -139,7 +139,7 @@ pub struct Output {
 /// What is being held or moved to.
 // The cycle must not allocate, so the large variant is not boxed.
 #[allow(clippy::large_enum_variant)]
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
 enum Motion {
     /// Nothing: off or damping.
     None,
@@ -150,7 +150,7 @@ enum Motion {
 }
 
 /// What follows a ramp.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
 enum Then {
     /// Rise from the folded posture.
     Rise,
@@ -162,7 +162,7 @@ enum Then {
 
 /// Time within the gait. Switches lie at `start` + `base_s` + k T, so that a step that is no multiple of the control
 /// period carries its remainder over exactly, for any number of steps.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
 struct GaitClock {
     start: Duration,
     /// From `start` to the first instant of the gait now walked, s.
@@ -175,7 +175,7 @@ struct GaitClock {
     offset: Option<Offset>,
 }
 
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
 struct Offset {
     position_rad: [f64; JOINTS],
     velocity_rad_s: [f64; JOINTS],
@@ -220,6 +220,38 @@ pub struct Controller {
     stale_inputs: u64,
 }
 
+/// A controller's memory at one moment: [`Controller::snapshot`].
+#[derive(Clone, Copy, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Snapshot {
+    limiter: LimiterMemory,
+    mode: Mode,
+    damping_reason: Option<DampingReason>,
+    faults: FaultSet,
+    report: Option<FaultReport>,
+    walk_wanted: bool,
+    motion: Motion,
+    gait: Option<PreparedGait>,
+    pending: Option<PreparedGait>,
+    joints: Option<JointState>,
+    command: JointCommand,
+    last_now: Option<Duration>,
+    tracking_error_s: [f64; JOINTS],
+    overspeed_s: [f64; JOINTS],
+    still: [Option<(f64, f64)>; JOINTS],
+    step_index: u64,
+    step_phase: f64,
+    cycles: u64,
+    stale_inputs: u64,
+}
+
+impl Snapshot {
+    /// Steps of the controller until then.
+    pub fn cycles(&self) -> u64 {
+        self.cycles
+    }
+}
+
 impl Controller {
     /// A disarmed controller.
     pub fn new(config: Config) -> Result<Self, ConfigError> {
@@ -245,6 +277,87 @@ impl Controller {
             step_phase: 0.0,
             cycles: 0,
             stale_inputs: 0,
+        })
+    }
+
+    /// Everything that the next step depends on besides the configuration and its input: a recording that begins now can be run
+    /// again from here. `Copy`: taking it allocates nothing.
+    pub fn snapshot(&self) -> Snapshot {
+        // Written out, so that a new field cannot be forgotten.
+        let Self {
+            config: _,
+            limiter,
+            mode,
+            damping_reason,
+            faults,
+            report,
+            walk_wanted,
+            motion,
+            gait,
+            pending,
+            joints,
+            command,
+            last_now,
+            tracking_error_s,
+            overspeed_s,
+            still,
+            step_index,
+            step_phase,
+            cycles,
+            stale_inputs,
+        } = self;
+        Snapshot {
+            limiter: limiter.memory(),
+            mode: *mode,
+            damping_reason: *damping_reason,
+            faults: *faults,
+            report: *report,
+            walk_wanted: *walk_wanted,
+            motion: *motion,
+            gait: *gait,
+            pending: *pending,
+            joints: *joints,
+            command: *command,
+            last_now: *last_now,
+            tracking_error_s: *tracking_error_s,
+            overspeed_s: *overspeed_s,
+            still: *still,
+            step_index: *step_index,
+            step_phase: *step_phase,
+            cycles: *cycles,
+            stale_inputs: *stale_inputs,
+        }
+    }
+
+    /// A controller that goes on where another with the same configuration was. For running a recording again, not for robots:
+    /// those begin disarmed.
+    ///
+    /// # Errors
+    /// As [`Controller::new`].
+    pub fn resume(config: Config, snapshot: &Snapshot) -> Result<Self, ConfigError> {
+        let Self { config, mut limiter, .. } = Self::new(config)?;
+        limiter.remember(&snapshot.limiter);
+        Ok(Self {
+            config,
+            limiter,
+            mode: snapshot.mode,
+            damping_reason: snapshot.damping_reason,
+            faults: snapshot.faults,
+            report: snapshot.report,
+            walk_wanted: snapshot.walk_wanted,
+            motion: snapshot.motion,
+            gait: snapshot.gait,
+            pending: snapshot.pending,
+            joints: snapshot.joints,
+            command: snapshot.command,
+            last_now: snapshot.last_now,
+            tracking_error_s: snapshot.tracking_error_s,
+            overspeed_s: snapshot.overspeed_s,
+            still: snapshot.still,
+            step_index: snapshot.step_index,
+            step_phase: snapshot.step_phase,
+            cycles: snapshot.cycles,
+            stale_inputs: snapshot.stale_inputs,
         })
     }
 
@@ -939,7 +1052,7 @@ impl Controller {
             (mode, true) if mode.is_moving() => {
                 // The first cycle has no last one; the limits on change then count one period.
                 let dt_s = dt_s.clamp(self.config.control_period_s, self.config.overrun_s);
-                let (mut command, torque) = self.limiter.apply(self.setpoint(now), &q, &v, dt_s);
+                let (mut command, torque) = self.limiter.apply(self.setpoint(now).to_resolution(), &q, &v, dt_s);
                 torque_nm = torque;
                 if self.config.drive_mode == DriveMode::Torque {
                     command.kp = [0.0; JOINTS];

@@ -1,7 +1,7 @@
 //! Faults: what can go wrong, by name. A fault latches until it is cleared by that name.
 
 /// What went wrong. The discriminant is the fault's bit in a [`FaultSet`].
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
 #[repr(u8)]
 pub enum Fault {
     /// A measured position, velocity or temperature, or the base's tilt, was NaN or infinite.
@@ -105,7 +105,7 @@ impl Fault {
 }
 
 /// The faults that are latched.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
 pub struct FaultSet(u16);
 
 impl FaultSet {
@@ -145,13 +145,14 @@ impl FaultSet {
 }
 
 /// Where a fault was seen first, for the message to the operator.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
 pub struct FaultReport {
     /// Which fault.
     pub fault: Fault,
     /// Which joint, where it belongs to one.
     pub joint: Option<usize>,
     /// What was seen, in the unit of the limit.
+    #[serde(with = "crate::snapshot::bits")]
     pub value: f64,
     /// What was allowed.
     pub limit: f64,

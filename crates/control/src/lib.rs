@@ -18,6 +18,8 @@ mod fault;
 mod limits;
 mod prepared_gait;
 mod ramp;
+pub mod resolution;
+mod snapshot;
 mod transition;
 
 /// A joint that has moved by less than this has stood still, rad.
@@ -25,7 +27,7 @@ const STILL_RAD: f64 = 0.02;
 
 pub use command::JointCommand;
 pub use config::{Config, ConfigError, DriveMode, Posture};
-pub use controller::{Controller, DampingReason, Input, JointState, MAX_REQUESTS, Output, Request, Tilt};
+pub use controller::{Controller, DampingReason, Input, JointState, MAX_REQUESTS, Output, Request, Snapshot, Tilt};
 pub use fault::{Fault, FaultReport, FaultSet, Severity};
 pub use gait::JOINTS;
 pub use prepared_gait::{GaitName, Instant, PreparedGait};

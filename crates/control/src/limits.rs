@@ -18,7 +18,25 @@ pub(crate) struct Limiter {
     last_torque_nm: [f64; JOINTS],
 }
 
+/// What the limits on change need from the cycle before.
+#[derive(Clone, Copy, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
+pub(crate) struct LimiterMemory {
+    last_position_rad: [Option<f64>; JOINTS],
+    last_torque_nm: [f64; JOINTS],
+}
+
 impl Limiter {
+    /// What of the last command it remembers.
+    pub fn memory(&self) -> LimiterMemory {
+        LimiterMemory { last_position_rad: self.last_position_rad, last_torque_nm: self.last_torque_nm }
+    }
+
+    /// Goes on from there.
+    pub fn remember(&mut self, memory: &LimiterMemory) {
+        self.last_position_rad = memory.last_position_rad;
+        self.last_torque_nm = memory.last_torque_nm;
+    }
+
     pub fn new(c: &Config) -> Self {
         Self {
             position_min_rad: c.position_min_rad,

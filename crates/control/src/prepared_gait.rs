@@ -8,7 +8,7 @@ const CHECKED_PHASES: usize = 101;
 
 /// A gait that this robot may walk. `Copy`, so that it can go through a wait-free buffer into the control cycle and be
 /// replaced there without freeing memory.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
 pub struct PreparedGait {
     name: GaitName,
     step_duration_s: f64,
@@ -149,7 +149,8 @@ impl PreparedGait {
 }
 
 /// A gait's name without the heap: at most 48 bytes of it.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
+#[serde(into = "String", from = "String")]
 pub struct GaitName {
     bytes: [u8; 48],
     length: u8,
@@ -173,5 +174,17 @@ impl GaitName {
     pub fn as_str(&self) -> &str {
         // Only whole characters were written.
         std::str::from_utf8(&self.bytes[..self.length as usize]).unwrap_or("")
+    }
+}
+
+impl From<GaitName> for String {
+    fn from(name: GaitName) -> Self {
+        name.as_str().to_owned()
+    }
+}
+
+impl From<String> for GaitName {
+    fn from(name: String) -> Self {
+        Self::new(&name)
     }
 }

@@ -1,7 +1,7 @@
 //! The robot's day as one pure function: mode × event → mode, or a refusal that says why.
 
 /// What the controller is doing.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
 pub enum Mode {
     /// Drives off.
     Disarmed,

@@ -2,6 +2,7 @@
 
 mod common;
 use common::*;
+use control::resolution;
 use control::*;
 use gait::StepSide;
 use std::time::Duration;
@@ -17,7 +18,7 @@ fn from_sitting_to_walking_and_back_to_disarmed() {
     assert!(damped.drives_on && damped.command.kp == [0.0; JOINTS] && damped.command.kd[0] > 0.0);
     assert_eq!(b.ask(Request::Stand), Ok(Mode::StandingUp));
     b.until(Mode::Standing, 6.0);
-    assert_eq!(b.run(10).command.position_rad, config().stand.position_rad);
+    assert_eq!(b.run(10).command.position_rad, config().stand.position_rad.map(resolution::position_rad));
     assert_eq!(b.ask(Request::Walk), Ok(Mode::Starting));
     let cycles = b.until(Mode::Walking, 2.0);
     assert!((599..=601).contains(&cycles), "start took {cycles} cycles");
@@ -150,17 +151,17 @@ fn a_nominal_walk_leaves_unaltered_and_gives_the_paper_s_torque() {
         let side = StepSide::of_step(steps as u64);
         assert_eq!(output.step_index, steps as u64);
         assert!((output.step_phase - s).abs() < 1e-12);
-        // To the bit: no limit has touched it.
+        // To the bit: nothing but its rounding has touched it.
         let at = prepared.at(side, s);
-        assert_eq!(output.command.position_rad, at.position_rad, "cycle {n}");
-        assert_eq!(output.command.velocity_rad_s, at.velocity_rad_s, "cycle {n}");
-        assert_eq!(output.command.torque_nm, at.torque_nm, "cycle {n}");
+        assert_eq!(output.command.position_rad, at.position_rad.map(resolution::position_rad), "cycle {n}");
+        assert_eq!(output.command.velocity_rad_s, at.velocity_rad_s.map(resolution::velocity_rad_s), "cycle {n}");
+        assert_eq!(output.command.torque_nm, at.torque_nm.map(resolution::torque_nm), "cycle {n}");
         // At some other state, too.
         let q: [f64; JOINTS] = std::array::from_fn(|j| at.position_rad[j] + 0.01 * (j as f64 - 5.0));
         let v: [f64; JOINTS] = std::array::from_fn(|j| at.velocity_rad_s[j] - 0.3 * (j as f64 - 5.0));
         let law = law(&gait, side, s, &q, &v);
         for (sent, law) in output.command.torque(&q, &v).iter().zip(law) {
-            assert!((sent - law).abs() < 1e-9, "cycle {n}: {sent} against {law}");
+            assert!((sent - law).abs() < 4e-3, "cycle {n}: {sent} against {law}");
         }
     }
 }
@@ -250,7 +251,7 @@ fn a_gait_that_starts_near_is_taken_at_a_switch_without_a_jump() {
     assert!(changed.unwrap() < 404);
     let at = other.at(StepSide::of_step(last.step_index), last.step_phase);
     for j in 0..JOINTS {
-        assert!((last.command.position_rad[j] - at.position_rad[j]).abs() < 1e-9);
+        assert!((last.command.position_rad[j] - at.position_rad[j]).abs() < 3e-6);
     }
 }
 
@@ -265,7 +266,7 @@ fn a_gait_that_starts_far_is_taken_through_standing() {
     let output = b.run(1000);
     assert_eq!(output.mode, Mode::Walking);
     let at = far.at(StepSide::of_step(output.step_index), output.step_phase);
-    assert_eq!(output.command.position_rad, at.position_rad);
+    assert_eq!(output.command.position_rad, at.position_rad.map(resolution::position_rad));
 }
 
 #[test]

@@ -12,6 +12,7 @@
 //! | `controller_state` | tandem_msgs/ControllerState | at 50 Hz and when the mode changes |
 //! | `gait_file` | std_msgs/String | a gait file as JSON, when it is handed to the controller |
 //! | `controller_config` | std_msgs/String | the controller's configuration as JSON, once |
+//! | `controller_snapshot` | std_msgs/String | the controller's memory as JSON, where a recording begins later than the controller |
 //! | `robot_description` | std_msgs/String | the URDF, once |
 //! | `odom`, `ground_force/LEG` | nav_msgs/Odometry, geometry_msgs/WrenchStamped | where the base and the ground forces are known |
 //!

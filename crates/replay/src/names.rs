@@ -8,6 +8,7 @@ pub(crate) const CONTROL_CYCLE: &str = "control_cycle";
 pub(crate) const CONTROLLER_STATE: &str = "controller_state";
 pub(crate) const GAIT_FILE: &str = "gait_file";
 pub(crate) const CONTROLLER_CONFIG: &str = "controller_config";
+pub(crate) const CONTROLLER_SNAPSHOT: &str = "controller_snapshot";
 pub(crate) const ROBOT_DESCRIPTION: &str = "robot_description";
 pub(crate) const ODOM: &str = "odom";
 pub(crate) const GROUND_FORCE: &str = "ground_force";

@@ -4,7 +4,7 @@ use std::path::Path;
 use std::time::Duration;
 
 use bag::{Qos, Recorder, RecorderOptions, RecorderStatus, Summary, Topic};
-use control::{Config, Input, JOINTS, Mode, Output};
+use control::{Config, Input, JOINTS, Mode, Output, Snapshot, resolution};
 use gait::{Gait, LEGS};
 use tandem_msgs::builtin_interfaces::Time;
 use tandem_msgs::geometry_msgs::{Point, Quaternion, Vector3, WrenchStamped};
@@ -122,6 +122,35 @@ impl RunRecorder {
         self.recorder.folder()
     }
 
+    /// Says where the controller was before the first cycle that is recorded. Without it the recording must begin with the
+    /// controller's first cycle. Gives whether it was taken.
+    ///
+    /// # Errors
+    /// [`ReplayError::Bag`] if it has no JSON or CDR form, which no snapshot lacks.
+    pub fn snapshot(&mut self, snapshot: &Snapshot) -> Result<bool, ReplayError> {
+        let topic = self.topic::<tandem_msgs::std_msgs::String>(names::CONTROLLER_SNAPSHOT, Qos::latched())?;
+        let text = serde_json::to_string(snapshot).map_err(|error| bag::BagError::Cdr {
+            name: names::CONTROLLER_SNAPSHOT.into(),
+            action: "written as",
+            reason: error.to_string(),
+        })?;
+        self.text(&topic, &text)
+    }
+
+    /// Declares a topic for messages from elsewhere: `name` without the slash in front.
+    ///
+    /// # Errors
+    /// As [`Recorder::topic_of`].
+    pub fn topic<M: tandem_msgs::Message>(&self, name: &str, qos: Qos) -> Result<Topic, ReplayError> {
+        Ok(self.recorder.topic_of::<M>(&format!("/{}", name.trim_start_matches('/')), qos)?)
+    }
+
+    /// A message from elsewhere, already in CDR. Its place in the bag is after the cycle recorded last. Gives whether it was
+    /// taken.
+    pub fn other(&mut self, topic: &Topic, cdr: Vec<u8>) -> bool {
+        self.recorder.push(topic, self.last_stamp_ns, cdr)
+    }
+
     fn text(&self, topic: &Topic, text: &str) -> Result<bool, ReplayError> {
         let message = tandem_msgs::std_msgs::String { data: text.to_owned() };
         Ok(self.recorder.push_message(topic, self.last_stamp_ns, &message)?)
@@ -169,7 +198,7 @@ impl RunRecorder {
                 name: self.joint_names.clone(),
                 position: state.position_rad.to_vec(),
                 velocity: state.velocity_rad_s.to_vec(),
-                effort: effort_nm.map_or(Vec::new(), |effort| effort.to_vec()),
+                effort: effort_nm.map_or(Vec::new(), |effort| effort.map(resolution::measured_torque_nm).to_vec()),
             };
             taken &= self.recorder.push_message(&self.joint_states, stamp_ns, &message)?;
         }
@@ -191,7 +220,10 @@ impl RunRecorder {
             index: output.cycles,
             state_seen: state.is_some(),
             state_stamp_ns: state.map_or(0, |state| nanoseconds(state.stamp)),
-            state_arrived_ns: state.map_or(Vec::new(), |state| state.arrived.map(nanoseconds).to_vec()),
+            state_arrived_ns: state.map_or(Vec::new(), |state| match state.arrived {
+                [first, ref rest @ ..] if rest.iter().all(|other| *other == first) => vec![nanoseconds(first)],
+                all => all.map(nanoseconds).to_vec(),
+            }),
             state_temperature_c: state
                 .and_then(|state| state.temperature_c)
                 .map_or(Vec::new(), |values| values.to_vec()),
@@ -225,7 +257,7 @@ impl RunRecorder {
                 cycles: output.cycles,
                 stale_inputs: output.stale_inputs,
                 tracking_error_rad: output.tracking_error_rad.to_vec(),
-                commanded_torque_nm: output.torque_nm.to_vec(),
+                commanded_torque_nm: output.torque_nm.map(resolution::torque_nm).to_vec(),
                 ..ControllerState::default()
             };
             taken &= self.recorder.push_message(&self.controller_state, stamp_ns, &message)?;

@@ -4,7 +4,7 @@ use std::path::Path;
 use std::time::Duration;
 
 use bag::{Bag, from_cdr};
-use control::{Config, Controller, Fault, FaultReport, Input, JOINTS, PreparedGait, Request, Tilt};
+use control::{Config, Controller, Fault, FaultReport, Input, JOINTS, PreparedGait, Request, Snapshot, Tilt};
 use gait::Gait;
 use tandem_msgs::sensor_msgs::JointState;
 use tandem_msgs::{ControlCycle, JointCommand};
@@ -62,6 +62,7 @@ pub fn verify(path: impl AsRef<Path>) -> Result<Verification, ReplayError> {
     let cycles_topic = index_of(names::CONTROL_CYCLE)?;
     let config_topic = index_of(names::CONTROLLER_CONFIG)?;
     let command_topic = index_of(names::JOINT_COMMAND)?;
+    let snapshot_topic = bag.topics().iter().position(|topic| names::is(&topic.name, names::CONTROLLER_SNAPSHOT));
     let states_topic = bag.topics().iter().position(|topic| names::is(&topic.name, names::JOINT_STATES));
     let gait_topic = bag.topics().iter().position(|topic| names::is(&topic.name, names::GAIT_FILE));
 
@@ -87,6 +88,9 @@ pub fn verify(path: impl AsRef<Path>) -> Result<Verification, ReplayError> {
             let controller = Controller::new(config.clone())
                 .map_err(|error| no_run(format!("its controller configuration: {error}")))?;
             player.controller = Some((controller, config));
+        } else if Some(message.topic) == snapshot_topic {
+            let text: tandem_msgs::std_msgs::String = from_cdr(&topic.type_name, data)?;
+            player.resume(&text.data).map_err(bad)?;
         } else if Some(message.topic) == gait_topic {
             let text: tandem_msgs::std_msgs::String = from_cdr(&topic.type_name, data)?;
             let gait = Gait::from_json(&text.data).map_err(|error| no_run(error.to_string()))?;
@@ -116,9 +120,26 @@ struct Player {
     state: Option<JointState>,
     commands: Vec<JointCommand>,
     last_index: u64,
+    /// A cycle was run, or the recording says where it began.
+    begun: bool,
 }
 
 impl Player {
+    /// Goes on from where the controller was when the recording began.
+    fn resume(&mut self, text: &str) -> Result<(), String> {
+        let (controller, config) =
+            self.controller.as_mut().ok_or("it comes before the controller's configuration, expected after it")?;
+        if self.begun {
+            return Err("it comes in the middle of the recording, expected before the first cycle".into());
+        }
+        let snapshot: Snapshot = serde_json::from_str(text)
+            .map_err(|error| format!("the controller's memory is not one of this version: {error}"))?;
+        *controller = Controller::resume(config.clone(), &snapshot).map_err(|error| error.to_string())?;
+        self.last_index = snapshot.cycles();
+        self.begun = true;
+        Ok(())
+    }
+
     /// Runs one cycle; the error is the recording's.
     fn cycle(&mut self, cycle: &ControlCycle, time_s: f64) -> Result<Option<Difference>, String> {
         let (controller, config) =
@@ -128,7 +149,7 @@ impl Player {
                 "cycle {} follows cycle {}: {}",
                 cycle.index,
                 self.last_index,
-                if self.last_index == 0 {
+                if !self.begun {
                     "the recording does not begin with the controller's first cycle"
                 } else {
                     "the recorder dropped what lies between"
@@ -136,6 +157,7 @@ impl Player {
             ));
         }
         self.last_index = cycle.index;
+        self.begun = true;
         let commands = std::mem::take(&mut self.commands);
         let [recorded] = commands.as_slice() else {
             return Err(format!(
@@ -245,7 +267,10 @@ fn joint_state(cycle: &ControlCycle, state: &JointState) -> Result<control::Join
     }
     Ok(control::JointState {
         stamp,
-        arrived: array("state_arrived_ns", &cycle.state_arrived_ns)?.map(Duration::from_nanos),
+        arrived: match cycle.state_arrived_ns.as_slice() {
+            [all] => [Duration::from_nanos(*all); JOINTS],
+            each => array("state_arrived_ns", each)?.map(Duration::from_nanos),
+        },
         position_rad: array("position", &state.position)?,
         velocity_rad_s: array("velocity", &state.velocity)?,
         temperature_c: match cycle.state_temperature_c.as_slice() {

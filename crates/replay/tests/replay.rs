@@ -57,6 +57,11 @@ fn gait(robot: &Robot) -> Gait {
 
 /// Records a whole day: arm, stand, walk, with joints that follow their commands noisily, repeated and late states.
 fn record(folder: &Path, seconds: u64) -> u64 {
+    record_from(folder, seconds, 1)
+}
+
+/// The same, recorded from a later cycle on.
+fn record_from(folder: &Path, seconds: u64, first: u64) -> u64 {
     let robot = robot();
     let config = Config::for_robot(&robot);
     let gait = gait(&robot);
@@ -68,12 +73,11 @@ fn record(folder: &Path, seconds: u64) -> u64 {
         leg_names: ["front_left", "rear_left", "front_right", "rear_right"],
         epoch_ns: 1_700_000_000_000_000_000,
     };
-    let mut run = RunRecorder::start(
-        folder,
-        &info,
-        RecorderOptions { queue_messages: 1 << 20, queue_bytes: 1 << 30, ..Default::default() },
-    )
-    .unwrap();
+    let start = || {
+        let options = RecorderOptions { queue_messages: 1 << 20, queue_bytes: 1 << 30, ..Default::default() };
+        RunRecorder::start(folder, &info, options).unwrap()
+    };
+    let mut run = None;
     let mut noise = 7_u64;
     let mut random = move || {
         noise = noise.wrapping_mul(6364136223846793005).wrapping_add(1442695040888963407);
@@ -104,11 +108,25 @@ fn record(folder: &Path, seconds: u64) -> u64 {
         };
         let loaded = (cycle == 5).then_some(&prepared);
         if loaded.is_some() {
-            run.gait(&gait).unwrap();
+            run.iter_mut().for_each(|run: &mut RunRecorder| assert!(run.gait(&gait).unwrap()));
         }
         let tilt = Some(Tilt { roll_rad: 0.01 * random(), pitch_rad: 0.01 * random() });
         let input = Input { joints: Some(&state), tilt, requests, gait: loaded, ..Input::default() };
+        if cycle == first {
+            let mut started = start();
+            if first > 5 {
+                started.gait(&gait).unwrap();
+            }
+            if first > 1 {
+                started.snapshot(&controller.snapshot()).unwrap();
+            }
+            run = Some(started);
+        }
         let output = controller.step(&input, now);
+        let Some(run) = &mut run else {
+            follow(&mut state, &output, &mut random);
+            continue;
+        };
         assert!(run.cycle(now, &input, &output, Some(&output.torque_nm)).unwrap());
         if cycle % 10 == 0 {
             let body = BodySample {
@@ -127,20 +145,43 @@ fn record(folder: &Path, seconds: u64) -> u64 {
         if cycle % 500 == 0 {
             std::thread::sleep(Duration::from_millis(1)); // lets the writer catch up
         }
-        if output.drives_on && output.command.kp[0] > 0.0 {
-            for j in 0..12 {
-                let before = state.position_rad[j];
-                state.position_rad[j] += 0.3 * (output.command.position_rad[j] - before) + 1e-4 * random();
-                state.velocity_rad_s[j] = (state.position_rad[j] - before) / 0.001;
-            }
-        }
+        follow(&mut state, &output, &mut random);
     }
     let reached = if seconds >= 8 { "walking" } else { "standing_up" };
     assert!(modes.contains(&reached), "{modes:?}");
+    let run = run.unwrap();
     assert_eq!(run.status().fault, None);
     let summary = run.finish().unwrap();
     assert_eq!(summary.dropped(), 0);
     summary.bytes
+}
+
+fn follow(state: &mut JointState, output: &control::Output, random: &mut impl FnMut() -> f64) {
+    if output.drives_on && output.command.kp[0] > 0.0 {
+        for j in 0..12 {
+            let before = state.position_rad[j];
+            state.position_rad[j] += 0.3 * (output.command.position_rad[j] - before) + 1e-4 * random();
+            state.velocity_rad_s[j] = (state.position_rad[j] - before) / 0.001;
+        }
+        *state = state.to_resolution();
+    }
+}
+
+#[test]
+fn a_recording_that_begins_in_the_middle_runs_again_to_the_bit() {
+    let folder = tempfile::tempdir().unwrap();
+    // Before the gait, while standing up, while walking.
+    for (number, first) in [3, 1000, 7777].into_iter().enumerate() {
+        let bag = folder.path().join(number.to_string());
+        record_from(&bag, 9, first);
+        let verification = verify(&bag).unwrap();
+        assert_eq!((verification.cycles, verification.different), (9001 - first, 0), "{:?}", verification.first);
+        // Without the controller's memory it is refused.
+        let bare = folder.path().join(format!("bare{number}"));
+        copy(&bag, &bare, |topic, _, _| topic != "/controller_snapshot");
+        let error = verify(&bare).unwrap_err().to_string();
+        assert!(error.contains("does not begin with the controller's first cycle"), "{error}");
+    }
 }
 
 #[test]
@@ -151,6 +192,7 @@ fn a_recorded_minute_runs_again_to_the_bit_and_fast() {
     let verification = verify(folder.path().join("run")).unwrap();
     let took_s = begun.elapsed().as_secs_f64();
     println!("60 s verified in {took_s:.2} s; {:.1} MB", bytes as f64 / 1e6);
+    assert!(bytes < 15_000_000, "{bytes} bytes");
     assert_eq!((verification.cycles, verification.different), (60_000, 0), "{:?}", verification.first);
     assert!((verification.duration_s - 60.0).abs() < 0.1);
     assert!(took_s < 60.0 / 50.0 * 4.0, "{took_s} s; 50 times real time is 1.2 s, and this machine is shared");

@@ -11,7 +11,10 @@ use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 use std::time::{Duration, Instant};
 use tandem_msgs::std_srvs::{Trigger, TriggerRequest};
-use tandem_msgs::{GenerateGait, GenerateGaitRequest, GenerateGaitResponse};
+use tandem_msgs::{
+    GenerateGait, GenerateGaitRequest, GenerateGaitResponse, StartRecording, StartRecordingRequest, StopRecording,
+    StopRecordingRequest, StopRecordingResponse,
+};
 use tandem_sim_bridge::measure::WalkFigures;
 use tandem_sim_bridge::pictures::Studio;
 use tandem_sim_bridge::simulator::SimulatorOptions;
@@ -19,6 +22,7 @@ use watch::{Outcome, Watch};
 
 /// A service's answer is waited for so long; a plan may take the planner's own time limit.
 const SERVICE_PATIENCE: Duration = Duration::from_secs(10);
+const RECORDING_PATIENCE: Duration = Duration::from_secs(30);
 const PLAN_PATIENCE: Duration = Duration::from_secs(60);
 /// Wall time in which a change of mode must come.
 const MODE_PATIENCE: Duration = Duration::from_secs(40);
@@ -30,7 +34,7 @@ const SILENCE: Duration = Duration::from_secs(10);
 /// Ask the running nodes for gaits and walk them, with a record of everything
 ///
 /// For each gait: calls the planner's service generate_gait, puts the robot down, arms it, lets it stand, walk for the time
-/// given, stop and sit, and writes the gait file, a rosbag2 bag of all topics, phase portraits, torques, time series,
+/// given, stop and sit, has the controller record all of it into a rosbag2 bag, and writes the gait file, phase portraits, torques, time series,
 /// footfalls and tiles of a step. Then prints what came out beside the paper's Table II. Ends with an error code if the
 /// robot fell. The planner, the controller and the simulation bridge must run in the same ROS domain and namespace:
 /// launch-scripts/demo starts all of them.
@@ -98,6 +102,8 @@ struct Session<'a> {
     robot: &'a Robot,
     watch: Watch,
     generate: Client<GenerateGait>,
+    start_recording: Client<StartRecording>,
+    stop_recording: Client<StopRecording>,
     triggers: Vec<Client<Trigger>>,
 }
 
@@ -110,6 +116,8 @@ impl<'a> Session<'a> {
             robot,
             watch: Watch::new(node, robot)?,
             generate: node.client("generate_gait")?,
+            start_recording: node.client("start_recording")?,
+            stop_recording: node.client("stop_recording")?,
             triggers: TRIGGERS.iter().map(|service| node.client(service)).collect::<Result<_, _>>()?,
         })
     }
@@ -218,7 +226,23 @@ impl<'a> Session<'a> {
         write(&folder.join("gait.json"), gait.to_json().as_bytes())?;
 
         self.trigger("reset")?;
-        self.watch.begin(&gait, &folder.join("bag"))?;
+        let bag_folder = std::path::absolute(folder.join("bag"))?;
+        let request = StartRecordingRequest { folder: bag_folder.display().to_string() };
+        let started = self.start_recording.call(request, RECORDING_PATIENCE)?;
+        if !started.success {
+            bail!("the controller does not record: {}", started.message);
+        }
+        let walked = self.walk_recorded(name, seconds, folder, gait);
+        if walked.is_err() {
+            // Of what went wrong the recording tells most. Its own error would hide the first.
+            let _ = self.stop_recording.call(StopRecordingRequest::default(), RECORDING_PATIENCE);
+        }
+        walked
+    }
+
+    /// The walk while the controller records.
+    fn walk_recorded(&self, name: &str, seconds: f64, folder: &Path, gait: Gait) -> Result<Walked> {
+        self.watch.begin(&gait);
         self.arm()?;
         println!("{name}: standing up");
         self.trigger("stand")?;
@@ -240,13 +264,18 @@ impl<'a> Session<'a> {
             println!("\r{name}: {outcome}          ");
         }
         let recorded = self.watch.end()?;
+        let bag = self.stop_recording.call(StopRecordingRequest::default(), RECORDING_PATIENCE)?;
+        let mut problems = Vec::new();
+        if !bag.success {
+            problems.push(format!("the recording failed: {}", bag.message));
+        }
         let mut walked = Walked {
             figures: recorded.figures,
             outcome,
             controller: recorded.controller,
             lost_states: recorded.lost_states,
-            bag: recorded.bag,
-            problems: Vec::new(),
+            bag,
+            problems,
             gait,
         };
         println!("{name}: drawing");
@@ -281,7 +310,7 @@ struct Walked {
     figures: WalkFigures,
     controller: tandem_msgs::ControllerState,
     lost_states: u64,
-    bag: bag::Summary,
+    bag: StopRecordingResponse,
     /// Why there are no pictures, where there are none.
     problems: Vec<String>,
 }
@@ -321,8 +350,8 @@ impl Walked {
             "missed_cycles": self.controller.missed_cycles,
             "stale_inputs": self.controller.stale_inputs,
             "lost_states": self.lost_states,
-            "bag_messages": self.bag.written(),
-            "bag_dropped": self.bag.dropped(),
+            "bag_messages": self.bag.messages,
+            "bag_dropped": self.bag.dropped,
             "problems": self.problems,
         })
     }
@@ -365,7 +394,12 @@ fn summary(robot: &Robot, done: &[Walked]) -> String {
             walked.controller.stale_inputs,
             walked.lost_states
         );
-        text += &format!("  bag: {} messages, {} dropped\n", walked.bag.written(), walked.bag.dropped());
+        text += &format!(
+            "  bag: {} messages, {:.1} MB, {} dropped\n",
+            walked.bag.messages,
+            walked.bag.bytes as f64 * 1e-6,
+            walked.bag.dropped
+        );
         for problem in &walked.problems {
             text += &format!("  {problem}\n");
         }

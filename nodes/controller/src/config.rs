@@ -37,6 +37,12 @@ pub struct Parameters {
     pub heartbeat: Option<Duration>,
     /// Start on the gait as soon as there is one: the robot is simulated and put there.
     pub start_on_gait: bool,
+    /// Every run is recorded into a new folder in this one.
+    pub record_folder: Option<PathBuf>,
+    /// Files of a recording end after so many bytes.
+    pub split_bytes: Option<u64>,
+    /// Files of a recording end after so long.
+    pub split_duration: Option<Duration>,
     values: Values,
 }
 
@@ -149,6 +155,26 @@ impl Parameters {
             false,
             "The robot is simulated and put on the gait's first instant: arm and walk as soon as a gait is there. Never for a real robot.",
         )?;
+        let record_folder = node
+            .parameter("record_folder", String::new())
+            .description("Each start of the node records into a new folder in this one, named by the time in UTC; empty: recordings begin with start_recording.")
+            .read_only()
+            .declare()?
+            .get();
+        let split_mb = number(
+            "record_split_mb",
+            0.0,
+            0.0,
+            1e5,
+            "A recording goes on in a further file after so many MB; 0: never.",
+        )?;
+        let split_s = number(
+            "record_split_s",
+            0.0,
+            0.0,
+            1e5,
+            "A recording goes on in a further file after so long, s; 0: never.",
+        )?;
         let lockstep = mode == "lockstep";
         let on_bus = backend == "can";
         if lockstep && on_bus {
@@ -186,6 +212,9 @@ impl Parameters {
             state_every: (1.0 / (state_rate_hz * period_s)).round().max(1.0) as u64,
             heartbeat: (heartbeat_s > 0.0).then(|| Duration::from_secs_f64(heartbeat_s)),
             start_on_gait,
+            record_folder: (!record_folder.is_empty()).then(|| record_folder.into()),
+            split_bytes: (split_mb > 0.0).then(|| (split_mb * 1e6) as u64),
+            split_duration: (split_s > 0.0).then(|| Duration::from_secs_f64(split_s)),
             values: Values {
                 drive_mode: if drive_mode == "torque" { DriveMode::Torque } else { DriveMode::Impedance },
                 state_timeout_s: number(

@@ -1,5 +1,6 @@
 //! The control thread: read, step, write. Between its start and its end it takes no lock, allocates nothing, and logs nothing.
 
+use crate::tape::Tape;
 use control::{
     Controller, FaultReport, GaitName, Input, JOINTS, JointState, MAX_REQUESTS, Output, PreparedGait, Request, Tilt,
 };
@@ -16,6 +17,8 @@ use std::time::Duration;
 pub struct TimedState {
     /// The state; `arrived` is not yet set.
     pub state: JointState,
+    /// The drives' torques with it, N m, where they are told.
+    pub effort_nm: Option<[f64; JOINTS]>,
     /// When it came in.
     pub wall: Duration,
 }
@@ -131,14 +134,16 @@ pub struct Cycle {
     pub tilts: Consumer<TimedTilt>,
     /// Requests in.
     pub asked: Consumer<Asked>,
-    /// Gaits in.
-    pub gaits: Consumer<PreparedGait>,
+    /// Gaits in, numbered from 1.
+    pub gaits: Consumer<(u64, PreparedGait)>,
     /// The emergency stop.
     pub emergency_stop: Arc<EmergencyStop>,
     /// The end of the program.
     pub stop: Arc<AtomicBool>,
     /// Outputs out.
     pub said: Producer<Said>,
+    /// What is recorded.
+    pub tape: Tape,
     /// To be woken when there is an output.
     pub press: Thread,
     /// In a simulation that puts the robot on the gait: start there as soon as there is a gait and a state.
@@ -152,9 +157,9 @@ impl Cycle {
         let mut requests = [Request::Stop; MAX_REQUESTS];
         let mut ids = [0; MAX_REQUESTS];
         let mut count = 0;
-        let mut gait = None;
-        while let Ok(newer) = self.gaits.pop() {
-            gait = Some(newer);
+        let (mut gait, mut gait_number) = (None, 0);
+        while let Ok((number, newer)) = self.gaits.pop() {
+            (gait, gait_number) = (Some(newer), number);
         }
         if self.start_on_gait && state.is_some() && (gait.is_some() || self.controller.gait().is_some()) {
             self.start_on_gait = false;
@@ -169,18 +174,19 @@ impl Cycle {
         while let Ok(newer) = self.tilts.pop() {
             memory.tilt = Some(newer);
         }
-        let tilt = memory.tilt.filter(|t| wall.saturating_sub(t.wall) < TILT_MEMORY).map(|t| t.tilt);
-        let output = self.controller.step(
-            &Input {
-                joints: state,
-                tilt,
-                requests: &requests[..count],
-                gait: gait.as_ref(),
-                emergency_stop: stop || self.emergency_stop.is_pressed(wall),
-                fault: measured.fault,
-            },
-            now,
-        );
+        let tilt = memory.tilt.filter(|t| wall.saturating_sub(t.wall) < TILT_MEMORY).map(|t| t.tilt.to_resolution());
+        let state = state.map(|state| state.to_resolution());
+        let input = Input {
+            joints: state.as_ref(),
+            tilt,
+            requests: &requests[..count],
+            gait: gait.as_ref(),
+            emergency_stop: stop || self.emergency_stop.is_pressed(wall),
+            fault: measured.fault,
+        };
+        self.tape.begin_cycle(&self.controller);
+        let output = self.controller.step(&input, now);
+        self.tape.end_cycle(now, &input, gait_number, measured.effort_nm, &output);
         memory.compute.record(monotonic_now().saturating_sub(wall));
         let timing = output.cycles.is_multiple_of(TIMING_EVERY).then(|| memory.timing());
         self.say(Said {
@@ -251,7 +257,9 @@ impl Cycle {
             };
             last_now = now;
             let stop = self.stop.load(Ordering::Acquire);
-            self.step(&mut memory, &Measured { state: state.as_ref(), ..Measured::default() }, now, wall, stop);
+            let effort_nm = newest.and_then(|timed| timed.effort_nm);
+            let measured = Measured { state: state.as_ref(), effort_nm, ..Measured::default() };
+            self.step(&mut memory, &measured, now, wall, stop);
             if stop {
                 return;
             }
@@ -281,6 +289,7 @@ impl Cycle {
             let stop = self.stop.load(Ordering::Acquire);
             let measured = Measured {
                 state: state.as_ref(),
+                effort_nm: Some(readings.torque_nm),
                 fault: bus.fault(wall),
                 readings: Some(readings),
                 bus: Some(bus.health()),
@@ -301,7 +310,7 @@ impl Cycle {
         let mut last: Option<Output> = None;
         loop {
             let mut idle = true;
-            while let Ok(TimedState { state, .. }) = self.states.pop() {
+            while let Ok(TimedState { state, effort_nm, .. }) = self.states.pop() {
                 idle = false;
                 match last {
                     Some(output) if output.answered == Some(state.stamp) => self.say(Said {
@@ -316,7 +325,7 @@ impl Cycle {
                     }),
                     _ => {
                         let state = JointState { arrived: [state.stamp; JOINTS], ..state };
-                        let measured = Measured { state: Some(&state), ..Measured::default() };
+                        let measured = Measured { state: Some(&state), effort_nm, ..Measured::default() };
                         last = Some(self.step(&mut memory, &measured, state.stamp, monotonic_now(), false));
                     }
                 }
@@ -338,6 +347,7 @@ impl Cycle {
 #[derive(Clone, Copy, Default)]
 struct Measured<'a> {
     state: Option<&'a JointState>,
+    effort_nm: Option<[f64; JOINTS]>,
     fault: Option<FaultReport>,
     readings: Option<Readings>,
     bus: Option<BusHealth>,

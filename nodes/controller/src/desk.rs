@@ -2,6 +2,7 @@
 
 use crate::cycle::{Asked, EmergencyStop, TimedState, TimedTilt};
 use crate::ports;
+use crate::tape::{self, Recording};
 use control::{Config, Fault, Mode, PreparedGait, Refusal, Request};
 use gait::Gait;
 use realtime::monotonic_now;
@@ -13,7 +14,10 @@ use std::sync::{Arc, Mutex, PoisonError};
 use std::thread::Thread;
 use std::time::Duration;
 use tandem_msgs::std_srvs::{SetBool, SetBoolResponse, Trigger, TriggerResponse};
-use tandem_msgs::{ClearFault, ClearFaultResponse, LoadGait, LoadGaitResponse, sensor_msgs, std_msgs};
+use tandem_msgs::{
+    ClearFault, ClearFaultResponse, LoadGait, LoadGaitResponse, StartRecording, StartRecordingResponse, StopRecording,
+    StopRecordingResponse, sensor_msgs, std_msgs,
+};
 
 /// How long a service waits for the cycle. In lockstep time may stand still; the request is then applied when it goes on.
 const PATIENCE: Duration = Duration::from_millis(300);
@@ -23,7 +27,8 @@ type Reply = Result<Mode, Refusal>;
 /// The middleware's side of the buffers for requests and gaits. Shared by the services, which take turns.
 pub struct Desk {
     asked: Mutex<(Producer<Asked>, u64)>,
-    gaits: Mutex<Producer<PreparedGait>>,
+    gaits: Mutex<(Producer<(u64, PreparedGait)>, u64)>,
+    recording: Arc<Recording>,
     waiting: Mutex<HashMap<u64, Sender<Reply>>>,
     emergency_stop: Arc<EmergencyStop>,
     config: Config,
@@ -49,14 +54,16 @@ impl Desk {
     /// A desk for a cycle.
     pub fn new(
         asked: Producer<Asked>,
-        gaits: Producer<PreparedGait>,
+        gaits: Producer<(u64, PreparedGait)>,
+        recording: Arc<Recording>,
         emergency_stop: Arc<EmergencyStop>,
         config: Config,
         lockstep: bool,
     ) -> Self {
         Self {
             asked: Mutex::new((asked, 0)),
-            gaits: Mutex::new(gaits),
+            gaits: Mutex::new((gaits, 0)),
+            recording,
             waiting: Mutex::default(),
             emergency_stop,
             config,
@@ -99,8 +106,13 @@ impl Desk {
     /// Checks a gait against the robot and hands it to the cycle.
     pub fn load(&self, gait: &Gait) -> Result<String, String> {
         let prepared = PreparedGait::new(gait, &self.config).map_err(|e| e.to_string())?;
-        lock(&self.gaits)
-            .push(prepared)
+        let mut gaits = lock(&self.gaits);
+        gaits.1 += 1;
+        let number = gaits.1;
+        self.recording.gait(number, gait, &prepared);
+        gaits
+            .0
+            .push((number, prepared))
             .map_err(|_| "too many gaits are waiting: are joint states coming in?".to_owned())?;
         Ok(format!("gait \"{}\": {:.3} s a step, {:.3} m/s", gait.name, gait.step_duration_s, gait.speed_m_s()))
     }
@@ -110,7 +122,9 @@ impl Desk {
         if let Some(states) = sensors.states.take() {
             self.open_joint_states(node, states, sensors.wake.take(), fast)?;
         }
+        let recording = Arc::clone(&self.recording);
         node.subscribe("imu", Qos::best_effort(1), move |message: sensor_msgs::Imu| {
+            recording.other(tape::IMU, None, &message);
             if let Some(tilt) = ports::tilt(&message) {
                 let _ = sensors.tilts.push(TimedTilt { tilt, wall: monotonic_now() });
             }
@@ -163,6 +177,26 @@ impl Desk {
             tracing::info!("clear_fault {}: {message}", request.name);
             ClearFaultResponse { success, message }
         })?;
+        let recording = Arc::clone(&self.recording);
+        node.serve::<StartRecording>("start_recording", move |request| {
+            let started = recording.start(request.folder.into());
+            let (success, message) = started.map_or_else(|reason| (false, reason), |()| (true, String::new()));
+            if !success {
+                tracing::warn!("start_recording: {message}");
+            }
+            StartRecordingResponse { success, message }
+        })?;
+        let recording = Arc::clone(&self.recording);
+        node.serve::<StopRecording>("stop_recording", move |_| match recording.stop() {
+            Ok(done) => {
+                tracing::info!("{}: {} messages recorded, {} dropped", done.folder, done.messages, done.dropped);
+                done
+            }
+            Err(message) => {
+                tracing::warn!("stop_recording: {message}");
+                StopRecordingResponse { message, ..StopRecordingResponse::default() }
+            }
+        })?;
         let desk = Arc::clone(self);
         node.serve::<LoadGait>("load_gait", move |request| {
             let loaded = Gait::from_json(&request.json).map_err(|e| e.to_string()).and_then(|gait| desk.load(&gait));
@@ -189,7 +223,8 @@ impl Desk {
             match ports::joint_state(&message, &names) {
                 // A full buffer: the cycle takes the newest of what is there, or has ended.
                 Ok(state) => {
-                    let _ = states.push(TimedState { state, wall: monotonic_now() });
+                    let effort_nm = ports::effort(&message, &names);
+                    let _ = states.push(TimedState { state, effort_nm, wall: monotonic_now() });
                     if let Some(cycle) = &wake {
                         cycle.unpark();
                     }

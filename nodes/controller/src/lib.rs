@@ -1,11 +1,12 @@
 //! ROS 2 node: walks a gait with the paper's PD law.
 //!
-//! The node has three parts that meet only through wait-free buffers:
+//! The node has four parts that meet only through wait-free buffers:
 //!
 //! - the **cycle** ([`cycle`]): a thread of its own, real-time where the system grants it, that runs
 //!   [`control::Controller::step`] and nothing else; no lock, no allocation, no logging, no publishing;
 //! - the **desk** ([`desk`]): callbacks and services on the middleware's threads, which turn messages into values, refuse what
 //!   is wrong with them, and put the rest into the buffers;
+//! - the **tape** ([`tape`]): the thread that records every cycle into a bag, where that is asked for;
 //! - the **press** ([`press`]): a thread that publishes what the cycle said.
 //!
 //! [`ports`] is the one place where messages and the controller's own types meet.
@@ -15,3 +16,4 @@ pub mod cycle;
 pub mod desk;
 pub mod ports;
 pub mod press;
+pub mod tape;

@@ -4,7 +4,7 @@ use anyhow::Context as _;
 use control::Controller;
 use joint_bus::can::CanLink;
 use joint_bus::{BusConfig, DriveBus, Mit, ProtocolName, Registers};
-use realtime::Warning;
+use realtime::{Warning, monotonic_now};
 use robot::Robot;
 use ros::{Arguments, Node, Qos};
 use rtrb::RingBuffer;
@@ -13,10 +13,12 @@ use std::process::ExitCode;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::mpsc::sync_channel;
+use std::time::{SystemTime, UNIX_EPOCH};
 use tandem_controller::config::{Pace, Parameters, find};
-use tandem_controller::cycle::{Cycle, EmergencyStop};
+use tandem_controller::cycle::{Cycle, CycleClock, EmergencyStop};
 use tandem_controller::desk::{Desk, Sensors};
 use tandem_controller::press::{Press, PressRoom};
+use tandem_controller::tape::{self, Subject};
 
 fn main() -> ExitCode {
     match run() {
@@ -79,8 +81,40 @@ fn run() -> anyhow::Result<()> {
     let stop = Arc::new(AtomicBool::new(false));
     let cycle_ended = Arc::new(AtomicBool::new(false));
 
-    let desk = Arc::new(Desk::new(asked_in, gaits_in, Arc::clone(&emergency_stop), config.clone(), lockstep));
-    let press = Press::new(&node, config.joint_names, lockstep, parameters.state_every, fast, on_bus)?;
+    // Where the controller's clock is the machine's own, a bag's times count from the epoch all the same.
+    let since_epoch = SystemTime::now().duration_since(UNIX_EPOCH).context("the machine's clock is before 1970")?;
+    let own_clock = on_bus || (!lockstep && parameters.clock == CycleClock::Monotonic);
+    let zero = since_epoch.saturating_sub(monotonic_now());
+    let leg_names = std::array::from_fn(|leg| robot.legs[leg].name.clone());
+    let (tape, recording, writer) = tape::tape(Subject {
+        config: config.clone(),
+        robot_description: robot.urdf.clone(),
+        leg_names: Clone::clone(&leg_names),
+        epoch_ns: if own_clock { u64::try_from(zero.as_nanos()).unwrap_or_default() } else { 0 },
+        split_bytes: parameters.split_bytes,
+        split_duration: parameters.split_duration,
+    });
+    let recording = Arc::new(recording);
+    recording.listen(&node, &leg_names)?;
+    let writer = std::thread::Builder::new().name("recording".into()).spawn(move || writer.run())?;
+    if let Some(folder) = &parameters.record_folder {
+        let folder = std::path::absolute(folder)?.join(tape::folder_name(since_epoch));
+        // The robot walks without its recording; the fault stands in diagnostics until one begins.
+        if let Err(reason) = recording.start(folder) {
+            tracing::error!("no recording: {reason}");
+        }
+    }
+
+    let desk = Arc::new(Desk::new(
+        asked_in,
+        gaits_in,
+        Arc::clone(&recording),
+        Arc::clone(&emergency_stop),
+        config.clone(),
+        lockstep,
+    ));
+    let press =
+        Press::new(&node, config.joint_names, lockstep, parameters.state_every, fast, on_bus, Arc::clone(&recording))?;
     let room = PressRoom { press, said, desk: Arc::clone(&desk), cycle_ended: Arc::clone(&cycle_ended) };
     let press = std::thread::Builder::new().name("press".into()).spawn(move || room.run())?;
     let cycle = Cycle {
@@ -90,6 +124,7 @@ fn run() -> anyhow::Result<()> {
         asked,
         gaits,
         emergency_stop,
+        tape,
         stop: Arc::clone(&stop),
         said: said_in,
         press: press.thread().clone(),
@@ -138,8 +173,10 @@ fn run() -> anyhow::Result<()> {
     cycle_ended.store(true, Ordering::Release);
     press.thread().unpark();
     let press_result = press.join();
+    recording.end();
+    let writer_result = writer.join();
     node.shutdown();
-    if control_result.is_err() || press_result.is_err() {
+    if control_result.is_err() || press_result.is_err() || writer_result.is_err() {
         anyhow::bail!("a thread panicked; the lines above say where");
     }
     Ok(())

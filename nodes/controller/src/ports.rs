@@ -41,6 +41,15 @@ pub fn joint_state(message: &sensor_msgs::JointState, names: &[String; JOINTS]) 
     })
 }
 
+/// The torques of a message, in our order, N m; none where they are not told or are no numbers.
+pub fn effort(message: &sensor_msgs::JointState, names: &[String; JOINTS]) -> Option<[f64; JOINTS]> {
+    if message.effort.len() != message.name.len() {
+        return None;
+    }
+    let effort = order(&message.name, names).ok()?.map(|i| message.effort[i]);
+    effort.iter().all(|torque| torque.is_finite()).then_some(effort)
+}
+
 fn stamp(time: Time) -> Result<Duration, String> {
     u64::try_from(time.nanoseconds())
         .map(Duration::from_nanos)

@@ -3,6 +3,7 @@
 use crate::cycle::{Said, Timing};
 use crate::desk::Desk;
 use crate::ports;
+use crate::tape::{self, Recording};
 use control::{DampingReason, Fault, FaultReport, JOINTS, Mode};
 use ros::{Node, PublishError, Publisher, Qos, RosError, Stop};
 use rtrb::Consumer;
@@ -33,6 +34,7 @@ pub struct Press {
     stop: Stop,
     last: Last,
     publish_failures: u64,
+    recording: Arc<Recording>,
 }
 
 /// What was said last, to tell what is new.
@@ -53,6 +55,7 @@ impl Press {
         state_every: u64,
         fast: Qos,
         on_bus: bool,
+        recording: Arc<Recording>,
     ) -> Result<Self, RosError> {
         Ok(Self {
             joint_command: node.publisher("joint_command", fast)?,
@@ -66,6 +69,7 @@ impl Press {
             stop: node.stop(),
             last: Last::default(),
             publish_failures: 0,
+            recording,
         })
     }
 
@@ -123,7 +127,9 @@ impl Press {
             self.note(sent);
         }
         if let Some(timing) = &said.timing {
-            let sent = self.diagnostics.publish(self.diagnostics(said, timing));
+            let message = self.diagnostics(said, timing);
+            self.recording.other(tape::DIAGNOSTICS, None, &message);
+            let sent = self.diagnostics.publish(message);
             self.note(sent);
         }
     }
@@ -160,6 +166,28 @@ impl Press {
         self.publish_failures += 1;
         if self.publish_failures.is_power_of_two() {
             tracing::warn!("{} messages not published; the last: {error}", self.publish_failures);
+        }
+    }
+
+    fn recording_status(&self) -> DiagnosticStatus {
+        let status = self.recording.status();
+        let (level, message) = match (&status.fault, &status.folder) {
+            (Some(fault), _) => (DiagnosticStatus::ERROR, fault.clone()),
+            (None, Some(_)) if status.dropped > 0 => (DiagnosticStatus::WARN, "the disk is too slow".to_owned()),
+            (None, Some(_)) => (DiagnosticStatus::OK, "recording".to_owned()),
+            (None, None) => (DiagnosticStatus::OK, "not recording".to_owned()),
+        };
+        let value = |key: &str, value: String| KeyValue { key: key.into(), value };
+        DiagnosticStatus {
+            level,
+            name: format!("{}: recording", self.node_name),
+            message,
+            hardware_id: String::new(),
+            values: vec![
+                value("folder", status.folder.map_or_else(String::new, |folder| folder.display().to_string())),
+                value("messages_written", status.written.to_string()),
+                value("dropped", status.dropped.to_string()),
+            ],
         }
     }
 
@@ -209,13 +237,16 @@ impl Press {
         };
         DiagnosticArray {
             header: Header { stamp: ros::wall_time(), frame_id: String::new() },
-            status: vec![DiagnosticStatus {
-                level,
-                name: format!("{}: control loop", self.node_name),
-                message,
-                hardware_id: String::new(),
-                values,
-            }],
+            status: vec![
+                self.recording_status(),
+                DiagnosticStatus {
+                    level,
+                    name: format!("{}: control loop", self.node_name),
+                    message,
+                    hardware_id: String::new(),
+                    values,
+                },
+            ],
         }
     }
 }

@@ -315,13 +315,13 @@ pub fn walk(
     for cycle in 0u32.. {
         let now = period * cycle;
         let state = simulator.state();
-        let joints = path.read(&simulator, now);
+        let joints = path.read(&simulator, now).map(JointState::to_resolution);
         let [roll_rad, pitch_rad, _] = state.roll_pitch_yaw();
         let first = cycle == 0;
         let input = Input {
             joints: joints.as_ref(),
             fault: path.fault(now),
-            tilt: Some(Tilt { roll_rad, pitch_rad }),
+            tilt: Some(Tilt { roll_rad, pitch_rad }.to_resolution()),
             requests: if first { requests } else { &[] },
             gait: first.then_some(&prepared),
             ..Input::default()

@@ -1,21 +1,16 @@
-//! Eyes on the nodes' topics: puts the robot's state together, judges it, and records everything.
+//! Eyes on the nodes' topics: puts the robot's state together, and judges it.
 
 use anyhow::{Context, Result};
 use gait::Gait;
 use robot::Robot;
 use ros::{Node, Qos};
 use std::collections::{BTreeMap, HashMap};
-use std::path::Path;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant};
-use tandem_msgs::diagnostic_msgs::DiagnosticArray;
 use tandem_msgs::geometry_msgs::{Vector3, WrenchStamped};
 use tandem_msgs::nav_msgs::Odometry;
-use tandem_msgs::rcl_interfaces::Log;
-use tandem_msgs::rosgraph_msgs::Clock;
-use tandem_msgs::sensor_msgs::{Imu, JointState};
-use tandem_msgs::tf2_msgs::TFMessage;
-use tandem_msgs::{ControllerState, JointCommand, Message};
+use tandem_msgs::sensor_msgs::JointState;
+use tandem_msgs::{ControllerState, Message};
 use tandem_sim_bridge::measure::{Measure, WalkFigures};
 use tandem_sim_bridge::pictures;
 use tandem_sim_bridge::simulator::RobotState;
@@ -77,8 +72,6 @@ pub struct Recorded {
     pub controller: ControllerState,
     /// Joint states that did not reach us.
     pub lost_states: u64,
-    /// The bag.
-    pub bag: bag::Summary,
 }
 
 /// Parts of the state of one stamp.
@@ -91,8 +84,6 @@ struct Parts {
 
 struct Run {
     step_duration_s: f64,
-    recorder: bag::Recorder,
-    topics: HashMap<String, bag::Topic>,
     incomplete: BTreeMap<i64, Parts>,
     samples: Vec<report::Sample>,
     measure: Option<Measure>,
@@ -108,9 +99,6 @@ struct Run {
 
 struct Eyes {
     run: Option<Run>,
-    /// Latched messages: for a bag that begins after they came.
-    latched: HashMap<String, Vec<u8>>,
-    types: Vec<(String, &'static str, &'static str, bag::Qos)>,
     controller: Option<ControllerState>,
     gait: Option<tandem_msgs::Gait>,
     newest_ns: i64,
@@ -136,8 +124,6 @@ impl Watch {
     pub fn new(node: &Node, robot: &Robot) -> Result<Self> {
         let eyes = Arc::new(Mutex::new(Eyes {
             run: None,
-            latched: HashMap::new(),
-            types: Vec::new(),
             controller: None,
             gait: None,
             newest_ns: 0,
@@ -147,9 +133,7 @@ impl Watch {
             torque_limit_nm: std::array::from_fn(|j| robot.limits.drive_torque_nm[j % 3]),
         }));
         let watch = Self { eyes, started: Instant::now() };
-        let sensor = (Qos::best_effort(64), bag::Qos::sensor(1));
-        let events = (Qos::reliable(64), bag::Qos::reliable(10));
-        let latched = (Qos::latched(), bag::Qos::latched());
+        let sensor = Qos::best_effort(64);
         watch.see(node, "joint_states", sensor, |eyes: &mut Eyes, message: &JointState| eyes.joints(message))?;
         watch.see(node, "odom", sensor, |eyes: &mut Eyes, message: &Odometry| {
             let stamp = message.header.stamp.nanoseconds();
@@ -164,78 +148,33 @@ impl Watch {
                 });
             })?;
         }
-        watch.see(node, "controller_state", events, |eyes: &mut Eyes, message: &ControllerState| {
+        watch.see(node, "controller_state", Qos::reliable(64), |eyes: &mut Eyes, message: &ControllerState| {
             eyes.controller_state(message);
         })?;
-        watch.see(node, "joint_command", sensor, |_, _: &JointCommand| {})?;
-        watch.see(node, "imu", sensor, |_, _: &Imu| {})?;
-        watch.see(node, "/clock", sensor, |_, _: &Clock| {})?;
-        watch.see(node, "/tf", events, |_, _: &TFMessage| {})?;
-        watch.see(node, "/diagnostics", events, |_, _: &DiagnosticArray| {})?;
-        let rosout = (Qos::transient_local(1000), bag::Qos { depth: 1000, ..bag::Qos::latched() });
-        watch.see(node, "/rosout", rosout, |_, _: &Log| {})?;
-        watch.see(node, "gait", latched, |eyes: &mut Eyes, message: &tandem_msgs::Gait| {
+        watch.see(node, "gait", Qos::latched(), |eyes: &mut Eyes, message: &tandem_msgs::Gait| {
             eyes.gait = Some(message.clone());
         })?;
-        watch.see(node, "robot_description", latched, |_, _: &tandem_msgs::std_msgs::String| {})?;
         Ok(watch)
     }
 
-    /// Subscribes to one topic: `look` takes the message in, then it goes into the bag.
+    /// Subscribes to one topic.
     fn see<M: Message>(
         &self,
         node: &Node,
         topic: &str,
-        (qos, bag_qos): (Qos, bag::Qos),
+        qos: Qos,
         look: impl Fn(&mut Eyes, &M) + Send + 'static,
     ) -> Result<()> {
-        // A bag keeps full names; the node's own rules make them.
-        let full = match (topic.starts_with('/'), node.namespace()) {
-            (true, _) => topic.to_owned(),
-            (false, "/") => format!("/{topic}"),
-            (false, namespace) => format!("{namespace}/{topic}"),
-        };
-        lock(&self.eyes).types.push((full.clone(), M::PACKAGE, M::NAME, bag_qos));
-        let keep = bag_qos.durability == bag::Durability::TransientLocal;
         let eyes = Arc::clone(&self.eyes);
-        node.subscribe(topic, qos, move |message: M| {
-            let mut eyes = lock(&eyes);
-            look(&mut eyes, &message);
-            match bag::to_cdr(&full, &message) {
-                Ok(cdr) => {
-                    if keep {
-                        eyes.latched.insert(full.clone(), cdr.clone());
-                    }
-                    let stamp = u64::try_from(eyes.newest_ns).unwrap_or_default();
-                    if let Some(run) = &eyes.run
-                        && let Some(topic) = run.topics.get(&full)
-                    {
-                        run.recorder.push(topic, stamp, cdr);
-                    }
-                }
-                Err(error) => tracing::warn!("{error}"),
-            }
-        })?;
+        node.subscribe(topic, qos, move |message: M| look(&mut lock(&eyes), &message))?;
         Ok(())
     }
 
-    /// Begins a run: its bag is written into `bag_folder`.
-    pub fn begin(&self, gait: &Gait, bag_folder: &Path) -> Result<()> {
-        let recorder = bag::Recorder::start(bag_folder, bag::RecorderOptions::default())
-            .with_context(|| format!("cannot record into {}", bag_folder.display()))?;
+    /// Begins a run.
+    pub fn begin(&self, gait: &Gait) {
         let mut eyes = lock(&self.eyes);
-        let mut topics = HashMap::new();
-        for (name, package, type_name, qos) in &eyes.types {
-            topics.insert(name.clone(), recorder.topic(name, &format!("{package}/msg/{type_name}"), *qos)?);
-        }
-        let stamp = u64::try_from(eyes.newest_ns).unwrap_or_default();
-        for (name, cdr) in &eyes.latched {
-            recorder.push(&topics[name], stamp, cdr.clone());
-        }
         eyes.run = Some(Run {
             step_duration_s: gait.step_duration_s,
-            recorder,
-            topics,
             incomplete: BTreeMap::new(),
             samples: Vec::new(),
             measure: None,
@@ -248,7 +187,6 @@ impl Watch {
             last_walking_s: 0.0,
         });
         eyes.newest_joints = None;
-        Ok(())
     }
 
     /// Ends the run.
@@ -267,7 +205,6 @@ impl Watch {
             figures: measure.figures(),
             controller: run.walking.unwrap_or_default(),
             lost_states: run.lost_states,
-            bag: run.recorder.finish()?,
         })
     }
 

@@ -1,0 +1,541 @@
+//! Recording a run: what each cycle saw and said goes through a wait-free buffer to a thread that writes it into a bag.
+//!
+//! The cycle's end ([`Tape`]) takes no lock, allocates nothing and never waits: what does not fit is dropped and counted. The
+//! writer's end ([`Recording`]) has a thread of its own; a full or missing disk is a fault of the recording, not of the walk.
+
+use bag::{RecorderOptions, RecorderStatus};
+use control::{
+    Config, Controller, Input, JOINTS, JointState, MAX_REQUESTS, Output, PreparedGait, Request, Snapshot, Tilt,
+};
+use gait::{Gait, LEGS};
+use replay::{ReplayError, RunInfo, RunRecorder};
+use ros::{Node, Qos, RosError};
+use rtrb::{Consumer, Producer, RingBuffer};
+use std::collections::BTreeMap;
+use std::path::PathBuf;
+use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
+use std::sync::mpsc::{Receiver, RecvTimeoutError, Sender, SyncSender, channel, sync_channel};
+use std::sync::{Arc, Mutex, PoisonError};
+use std::time::Duration;
+use tandem_msgs::diagnostic_msgs::DiagnosticArray;
+use tandem_msgs::geometry_msgs::WrenchStamped;
+use tandem_msgs::nav_msgs::Odometry;
+use tandem_msgs::sensor_msgs::Imu;
+use tandem_msgs::tf2_msgs::TFMessage;
+use tandem_msgs::{Message, StopRecordingResponse};
+
+/// Cycles that may wait for the writer: two seconds at 1 kHz.
+const CYCLES: usize = 2048;
+/// Messages of other topics that may wait for the writer.
+const OTHERS: usize = 1024;
+/// Gaits that are kept: more than can wait for the cycle.
+const GAITS: usize = 32;
+/// How often the writer looks when nothing wakes it.
+const PATIENCE: Duration = Duration::from_millis(5);
+/// How long a service waits for the writer: a slow disk opens slowly.
+const SERVICE_PATIENCE: Duration = Duration::from_secs(20);
+
+/// One cycle: all that its step saw, and what it said.
+#[derive(Clone, Copy, Debug)]
+pub struct TapedCycle {
+    recording: u64,
+    now: Duration,
+    joints: Option<JointState>,
+    tilt: Option<Tilt>,
+    requests: [Request; MAX_REQUESTS],
+    request_count: usize,
+    /// Number of the gait that arrived, as the desk counts them; 0: none did.
+    gait: u64,
+    emergency_stop: bool,
+    fault: Option<control::FaultReport>,
+    effort_nm: Option<[f64; JOINTS]>,
+    output: Output,
+}
+
+/// The cycle's end.
+pub struct Tape {
+    cycles: Producer<TapedCycle>,
+    beginnings: Producer<(u64, Snapshot)>,
+    shared: Arc<Shared>,
+    /// The recording that this end is in; 0: none.
+    recording: u64,
+}
+
+/// What both ends see.
+#[derive(Debug, Default)]
+struct Shared {
+    /// The recording that is wanted; 0: none.
+    wanted: AtomicU64,
+    /// Cycles of the present recording that found the buffer full.
+    dropped_cycles: AtomicU64,
+}
+
+impl Tape {
+    /// Before a step: notices that a recording begins or ends.
+    pub fn begin_cycle(&mut self, controller: &Controller) {
+        let wanted = self.shared.wanted.load(Ordering::Acquire);
+        // A full buffer of beginnings: tried again in the next cycle.
+        if wanted != self.recording && (wanted == 0 || self.beginnings.push((wanted, controller.snapshot())).is_ok()) {
+            self.recording = wanted;
+        }
+    }
+
+    /// After a step.
+    pub fn end_cycle(
+        &mut self,
+        now: Duration,
+        input: &Input,
+        gait: u64,
+        effort_nm: Option<[f64; JOINTS]>,
+        output: &Output,
+    ) {
+        if self.recording == 0 {
+            return;
+        }
+        let mut requests = [Request::Stop; MAX_REQUESTS];
+        let request_count = input.requests.len().min(MAX_REQUESTS);
+        requests[..request_count].copy_from_slice(&input.requests[..request_count]);
+        let taped = TapedCycle {
+            recording: self.recording,
+            now,
+            joints: input.joints.copied(),
+            tilt: input.tilt,
+            requests,
+            request_count,
+            gait,
+            emergency_stop: input.emergency_stop,
+            fault: input.fault,
+            effort_nm,
+            output: *output,
+        };
+        if self.cycles.push(taped).is_err() {
+            self.shared.dropped_cycles.fetch_add(1, Ordering::Relaxed);
+        }
+    }
+}
+
+/// What is recorded of the controller itself.
+pub struct Subject {
+    /// Its configuration.
+    pub config: Config,
+    /// The robot's URDF.
+    pub robot_description: String,
+    /// Names of the legs, in order.
+    pub leg_names: [String; LEGS],
+    /// Nanoseconds from the epoch to the controller's clock's zero; 0 where the clock itself counts from the epoch.
+    pub epoch_ns: u64,
+    /// Files end after so many bytes or so much time, and a further one begins.
+    pub split_bytes: Option<u64>,
+    /// See above.
+    pub split_duration: Option<Duration>,
+}
+
+/// How a recording fares, for diagnostics.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct RecordingStatus {
+    /// Its folder; none while nothing is recorded.
+    pub folder: Option<PathBuf>,
+    /// Messages known to be on disk.
+    pub written: u64,
+    /// Whole cycles that found the buffer full, and messages that found the disk too slow.
+    pub dropped: u64,
+    /// Why the present recording, or the last attempt, failed.
+    pub fault: Option<String>,
+}
+
+/// Gaits that a cycle may still name, by the desk's number. The cycle itself never looks here.
+type Gaits = Arc<Mutex<BTreeMap<u64, (Gait, PreparedGait)>>>;
+
+enum Order {
+    Start(PathBuf, SyncSender<Result<(), String>>),
+    Stop(SyncSender<Result<StopRecordingResponse, String>>),
+    End,
+    Other { topic: &'static str, leg: Option<usize>, cdr: Vec<u8> },
+}
+
+/// The other end: starts, stops and tells of recordings. Shared by the services and the press.
+pub struct Recording {
+    orders: Sender<Order>,
+    /// Messages of other topics on their way.
+    others: Arc<AtomicU64>,
+    dropped_others: AtomicU64,
+    active: Arc<AtomicBool>,
+    gaits: Gaits,
+    status: Arc<Mutex<RecordingStatus>>,
+}
+
+fn lock<T>(mutex: &Mutex<T>) -> std::sync::MutexGuard<'_, T> {
+    // What is guarded is whole after a panic elsewhere.
+    mutex.lock().unwrap_or_else(PoisonError::into_inner)
+}
+
+/// The writer, to be run on a thread of its own.
+pub struct Writer {
+    orders: Receiver<Order>,
+    cycles: Consumer<TapedCycle>,
+    beginnings: Consumer<(u64, Snapshot)>,
+    shared: Arc<Shared>,
+    others: Arc<AtomicU64>,
+    active: Arc<AtomicBool>,
+    status: Arc<Mutex<RecordingStatus>>,
+    subject: Subject,
+    gaits: Gaits,
+    recordings: u64,
+    run: Option<Run>,
+}
+
+struct Run {
+    number: u64,
+    recorder: RunRecorder,
+    begun: bool,
+    topics: BTreeMap<String, bag::Topic>,
+    partly_dropped: u64,
+}
+
+/// The two ends and the writer between.
+pub fn tape(subject: Subject) -> (Tape, Recording, Writer) {
+    let (cycles_in, cycles) = RingBuffer::new(CYCLES);
+    let (beginnings_in, beginnings) = RingBuffer::new(2);
+    let (orders_in, orders) = channel();
+    let shared = Arc::new(Shared::default());
+    let (others, active) = (Arc::new(AtomicU64::new(0)), Arc::new(AtomicBool::new(false)));
+    let status = Arc::new(Mutex::new(RecordingStatus::default()));
+    let gaits = Gaits::default();
+    let tape = Tape { cycles: cycles_in, beginnings: beginnings_in, shared: Arc::clone(&shared), recording: 0 };
+    let recording = Recording {
+        orders: orders_in,
+        others: Arc::clone(&others),
+        dropped_others: AtomicU64::new(0),
+        active: Arc::clone(&active),
+        gaits: Arc::clone(&gaits),
+        status: Arc::clone(&status),
+    };
+    let writer =
+        Writer { orders, cycles, beginnings, shared, others, active, status, subject, gaits, recordings: 0, run: None };
+    (tape, recording, writer)
+}
+
+impl Recording {
+    /// Begins a recording in a folder that is empty or not there.
+    ///
+    /// # Errors
+    /// A sentence for people.
+    pub fn start(&self, folder: PathBuf) -> Result<(), String> {
+        self.order(|reply| Order::Start(folder, reply))
+    }
+
+    /// Ends the recording.
+    ///
+    /// # Errors
+    /// A sentence for people.
+    pub fn stop(&self) -> Result<StopRecordingResponse, String> {
+        self.order(Order::Stop)
+    }
+
+    fn order<T>(&self, order: impl FnOnce(SyncSender<Result<T, String>>) -> Order) -> Result<T, String> {
+        let (reply, answer) = sync_channel(1);
+        self.orders.send(order(reply)).map_err(|_| "the recording's thread has ended".to_owned())?;
+        answer
+            .recv_timeout(SERVICE_PATIENCE)
+            .map_err(|_| format!("the disk does not answer within {SERVICE_PATIENCE:?}"))?
+    }
+
+    /// A gait is about to be handed to the cycle under this number.
+    pub fn gait(&self, number: u64, gait: &Gait, prepared: &PreparedGait) {
+        let mut gaits = lock(&self.gaits);
+        gaits.insert(number, (gait.clone(), *prepared));
+        // Those that the cycle has long taken or passed over.
+        while gaits.len() > GAITS {
+            gaits.pop_first();
+        }
+    }
+
+    /// The node ends: a recording that goes on is completed, and the writer's thread ends.
+    pub fn end(&self) {
+        // Without the thread there is nothing to end.
+        let _ = self.orders.send(Order::End);
+    }
+
+    /// How it fares.
+    pub fn status(&self) -> RecordingStatus {
+        let mut status = lock(&self.status).clone();
+        status.dropped += self.dropped_others.load(Ordering::Relaxed);
+        status
+    }
+
+    /// A message of another topic: goes into the bag if one is recorded.
+    pub fn other<M: Message>(&self, topic: &'static str, leg: Option<usize>, message: &M) {
+        if !self.active.load(Ordering::Acquire) {
+            return;
+        }
+        if self.others.fetch_add(1, Ordering::AcqRel) >= OTHERS as u64 {
+            self.others.fetch_sub(1, Ordering::AcqRel);
+            self.dropped_others.fetch_add(1, Ordering::Relaxed);
+            return;
+        }
+        match bag::to_cdr(M::NAME, message) {
+            Ok(cdr) => {
+                let _ = self.orders.send(Order::Other { topic, leg, cdr });
+            }
+            Err(error) => tracing::warn!("{error}"),
+        }
+    }
+
+    /// Listens to what others say of the robot's surroundings. What a simulation tells faster than at 100 Hz is thinned out.
+    ///
+    /// # Errors
+    /// The middleware's reason.
+    pub fn listen(self: &Arc<Self>, node: &Node, leg_names: &[String; LEGS]) -> Result<(), RosError> {
+        self.listen_to(node, ODOM, None, "odom", |message: &Odometry| message.header.stamp.nanoseconds())?;
+        for (leg, name) in leg_names.iter().enumerate() {
+            let topic = format!("ground_force/{name}");
+            self.listen_to(node, GROUND_FORCE, Some(leg), &topic, |message: &WrenchStamped| {
+                message.header.stamp.nanoseconds()
+            })?;
+        }
+        self.listen_to(node, TF, None, "/tf", |message: &TFMessage| {
+            message.transforms.first().map_or(0, |transform| transform.header.stamp.nanoseconds())
+        })
+    }
+
+    fn listen_to<M: Message>(
+        self: &Arc<Self>,
+        node: &Node,
+        topic: &'static str,
+        leg: Option<usize>,
+        name: &str,
+        stamp_ns: impl Fn(&M) -> i64 + Send + 'static,
+    ) -> Result<(), RosError> {
+        let recording = Arc::clone(self);
+        let mut last = None;
+        node.subscribe(name, Qos::best_effort(16), move |message: M| {
+            // One message in each hundredth of a second: the same instants on every topic.
+            let slot = Some(stamp_ns(&message).div_euclid(THINNED_NS));
+            if slot != last {
+                last = slot;
+                recording.other(topic, leg, &message);
+            }
+        })
+    }
+}
+
+/// Time from one message of a thinned topic to the next, ns.
+const THINNED_NS: i64 = 10_000_000;
+const ODOM: &str = "odom";
+const GROUND_FORCE: &str = "ground_force";
+const TF: &str = "tf";
+/// The topic of the node's own diagnostics in the bag.
+pub const DIAGNOSTICS: &str = "diagnostics";
+/// The topic of the inertial unit in the bag.
+pub const IMU: &str = "imu";
+
+impl Writer {
+    /// Writes until every [`Recording`] is gone; a recording that goes on then is ended.
+    pub fn run(mut self) {
+        loop {
+            let order = self.orders.recv_timeout(PATIENCE);
+            self.write_cycles();
+            match order {
+                Err(RecvTimeoutError::Timeout) => {}
+                Ok(Order::End) | Err(RecvTimeoutError::Disconnected) => {
+                    if self.run.is_some() {
+                        match self.stop() {
+                            Ok(done) => tracing::info!("{}: {} messages recorded", done.folder, done.messages),
+                            Err(reason) => tracing::error!("recording: {reason}"),
+                        }
+                    }
+                    return;
+                }
+                Ok(order) => self.obey(order),
+            }
+            self.tell();
+        }
+    }
+
+    fn obey(&mut self, order: Order) {
+        match order {
+            // Whoever asked and no longer waits has been told so.
+            Order::Start(folder, reply) => {
+                let started = self.start(folder);
+                if let Err(reason) = &started {
+                    lock(&self.status).fault = Some(reason.clone());
+                }
+                let _ = reply.send(started);
+            }
+            Order::End => {}
+            Order::Stop(reply) => {
+                let _ = reply.send(self.stop());
+            }
+            Order::Other { topic, leg, cdr } => {
+                self.others.fetch_sub(1, Ordering::AcqRel);
+                if let Err(error) = self.other(topic, leg, cdr) {
+                    tracing::warn!("recording: {error}");
+                }
+            }
+        }
+    }
+
+    fn start(&mut self, folder: PathBuf) -> Result<(), String> {
+        if let Some(run) = &self.run {
+            return Err(format!("{} is being recorded; stop that recording first", run.recorder.folder().display()));
+        }
+        if !folder.is_absolute() {
+            return Err(format!("the folder is \"{}\", expected a whole path: /…", folder.display()));
+        }
+        let [a, b, c, d] = &self.subject.leg_names;
+        let info = RunInfo {
+            config: &self.subject.config,
+            robot_description: &self.subject.robot_description,
+            leg_names: [a, b, c, d],
+            epoch_ns: self.subject.epoch_ns,
+        };
+        let options = RecorderOptions {
+            split_bytes: self.subject.split_bytes,
+            split_duration: self.subject.split_duration,
+            ..RecorderOptions::default()
+        };
+        let mut recorder = RunRecorder::start(&folder, &info, options).map_err(|error| error.to_string())?;
+        // The gait that is loaded already; the controller's memory holds it too, for running the recording again.
+        if let Some((gait, _)) = lock(&self.gaits).values().next_back() {
+            recorder.gait(gait).map_err(|error| error.to_string())?;
+        }
+        self.recordings += 1;
+        self.shared.dropped_cycles.store(0, Ordering::Relaxed);
+        self.shared.wanted.store(self.recordings, Ordering::Release);
+        self.active.store(true, Ordering::Release);
+        *lock(&self.status) = RecordingStatus { folder: Some(folder.clone()), ..RecordingStatus::default() };
+        self.run =
+            Some(Run { number: self.recordings, recorder, begun: false, topics: BTreeMap::new(), partly_dropped: 0 });
+        tracing::info!("recording into {}", folder.display());
+        Ok(())
+    }
+
+    fn stop(&mut self) -> Result<StopRecordingResponse, String> {
+        self.shared.wanted.store(0, Ordering::Release);
+        self.active.store(false, Ordering::Release);
+        self.write_cycles();
+        let run = self.run.take().ok_or("nothing is being recorded")?;
+        let dropped_cycles = self.shared.dropped_cycles.load(Ordering::Relaxed);
+        let folder = run.recorder.folder().display().to_string();
+        *lock(&self.status) = RecordingStatus::default();
+        match run.recorder.finish() {
+            Ok(summary) => {
+                let (messages, dropped) = (summary.written(), summary.dropped() + dropped_cycles);
+                let message =
+                    if dropped > 0 { format!("{dropped} were dropped: the disk was too slow") } else { String::new() };
+                Ok(StopRecordingResponse { success: true, message, folder, messages, dropped, bytes: summary.bytes })
+            }
+            Err(error) => {
+                lock(&self.status).fault = Some(error.to_string());
+                Err(error.to_string())
+            }
+        }
+    }
+
+    fn write_cycles(&mut self) {
+        while let Ok((number, snapshot)) = self.beginnings.pop() {
+            if let Some(run) = self.run.as_mut().filter(|run| run.number == number) {
+                run.begun = true;
+                if let Err(error) = run.recorder.snapshot(&snapshot) {
+                    tracing::error!("recording: {error}");
+                }
+            }
+        }
+        while let Ok(cycle) = self.cycles.pop() {
+            let Some(run) = self.run.as_mut().filter(|run| run.number == cycle.recording) else { continue };
+            if !run.begun {
+                // Its beginning was pushed before it, so it is there by now.
+                while let Ok((number, snapshot)) = self.beginnings.pop() {
+                    if number == run.number {
+                        run.begun = true;
+                        if let Err(error) = run.recorder.snapshot(&snapshot) {
+                            tracing::error!("recording: {error}");
+                        }
+                    }
+                }
+            }
+            let gait = lock(&self.gaits).get(&cycle.gait).cloned();
+            match run.cycle(&cycle, gait.as_ref()) {
+                Ok(true) => {}
+                Ok(false) => run.partly_dropped += 1,
+                Err(error) => tracing::error!("recording: {error}"),
+            }
+        }
+    }
+
+    fn other(&mut self, topic: &'static str, leg: Option<usize>, cdr: Vec<u8>) -> Result<(), ReplayError> {
+        let Some(run) = &mut self.run else { return Ok(()) };
+        let name = leg.map_or_else(|| topic.to_owned(), |leg| format!("{topic}/{}", self.subject.leg_names[leg]));
+        let declared = match run.topics.get(&name) {
+            Some(declared) => declared.clone(),
+            None => {
+                let sensor = bag::Qos::sensor(1);
+                let declared = match topic {
+                    ODOM => run.recorder.topic::<Odometry>(&name, sensor)?,
+                    GROUND_FORCE => run.recorder.topic::<WrenchStamped>(&name, sensor)?,
+                    IMU => run.recorder.topic::<Imu>(&name, sensor)?,
+                    TF => run.recorder.topic::<TFMessage>(&name, bag::Qos::reliable(100))?,
+                    _ => run.recorder.topic::<DiagnosticArray>(&name, bag::Qos::reliable(10))?,
+                };
+                run.topics.insert(name, declared.clone());
+                declared
+            }
+        };
+        run.recorder.other(&declared, cdr);
+        Ok(())
+    }
+
+    /// Brings the status up to date; says a new fault once.
+    fn tell(&mut self) {
+        let Some(run) = &self.run else { return };
+        let RecorderStatus { written, fault, .. } = run.recorder.status();
+        let mut status = lock(&self.status);
+        status.written = written;
+        status.dropped = self.shared.dropped_cycles.load(Ordering::Relaxed) + run.partly_dropped;
+        if status.fault.is_none()
+            && let Some(fault) = fault
+        {
+            tracing::error!("the recording stopped, walking goes on: {fault}");
+            status.fault = Some(fault);
+        }
+    }
+}
+
+impl Run {
+    fn cycle(&mut self, cycle: &TapedCycle, arrived: Option<&(Gait, PreparedGait)>) -> Result<bool, ReplayError> {
+        let mut taken = true;
+        if let Some((gait, _)) = arrived {
+            taken &= self.recorder.gait(gait)?;
+        }
+        let input = Input {
+            joints: cycle.joints.as_ref(),
+            tilt: cycle.tilt,
+            requests: &cycle.requests[..cycle.request_count],
+            gait: arrived.map(|(_, prepared)| prepared),
+            emergency_stop: cycle.emergency_stop,
+            fault: cycle.fault,
+        };
+        Ok(taken & self.recorder.cycle(cycle.now, &input, &cycle.output, cycle.effort_nm.as_ref())?)
+    }
+}
+
+/// Folder for the recording of a run that begins now: the moment in UTC, as 2026-11-22T06_10_00.
+pub fn folder_name(since_epoch: Duration) -> String {
+    let seconds = since_epoch.as_secs();
+    let (mut days, of_day) = (seconds / 86_400, seconds % 86_400);
+    let leap = |year: u64| year.is_multiple_of(4) && (!year.is_multiple_of(100) || year.is_multiple_of(400));
+    let mut year = 1970;
+    while days >= 365 + u64::from(leap(year)) {
+        days -= 365 + u64::from(leap(year));
+        year += 1;
+    }
+    let mut month = 1;
+    for length in [31, 28 + u64::from(leap(year)), 31, 30, 31, 30, 31, 31, 30, 31, 30, 31] {
+        if days < length {
+            break;
+        }
+        days -= length;
+        month += 1;
+    }
+    format!("{year:04}-{month:02}-{:02}T{:02}_{:02}_{:02}", days + 1, of_day / 3600, of_day / 60 % 60, of_day % 60)
+}

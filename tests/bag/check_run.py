@@ -1,0 +1,80 @@
+"""A run's bag is whole for two independent programs: every message decodes with the schemas in the bag, counts match, times rise.
+
+    python check_run.py TANDEM BAG...
+"""
+
+import json
+import pathlib
+import subprocess
+import sys
+
+from mcap.reader import make_reader
+from mcap_ros2.decoder import DecoderFactory
+from rosbags.rosbag2 import Reader
+from rosbags.typesys import Stores, get_typestore, get_types_from_msg
+
+# What a control cycle leaves: one message on each.
+EVERY_CYCLE = ("/joint_command", "/control_cycle")
+NEEDED = ("/joint_states", *EVERY_CYCLE, "/controller_state", "/gait_file", "/controller_config", "/robot_description")
+
+
+def check(condition, what):
+    if not condition:
+        sys.exit(f"FAILED: {what}")
+
+
+def embedded_types(definition, name):
+    """Every type in an embedded definition, parsed by rosbags."""
+    blocks = definition.split("=" * 80 + "\n")
+    types = get_types_from_msg(blocks[0], name)
+    for block in blocks[1:]:
+        head, body = block.split("\n", 1)
+        types.update(get_types_from_msg(body, head.removeprefix("MSG: ").replace("/", "/msg/")))
+    return types
+
+
+def with_rosbags(folder):
+    store = get_typestore(Stores.EMPTY)
+    counts, last, cycles = {}, 0, []
+    with Reader(folder) as reader:
+        for connection in reader.connections:
+            types = embedded_types(connection.msgdef.data, connection.msgtype)
+            store.register({name: value for name, value in types.items() if name not in store.types})
+        for connection, stamp_ns, raw in reader.messages():
+            check(stamp_ns >= last, f"{folder}: time falls at {stamp_ns}")
+            last = stamp_ns
+            message = store.deserialize_cdr(raw, connection.msgtype)
+            if connection.topic == "/control_cycle":
+                cycles.append(message.index)
+            counts[connection.topic] = counts.get(connection.topic, 0) + 1
+        declared = {connection.topic: connection.msgcount for connection in reader.connections if connection.msgcount}
+        check(counts == declared, f"{folder}: rosbags found {counts}, metadata.yaml says {declared}")
+    check(cycles == list(range(cycles[0], cycles[0] + len(cycles))), f"{folder}: a control cycle is missing")
+    return counts
+
+
+def with_mcap(folder):
+    counts = {}
+    for file in sorted(folder.glob("*.mcap")):
+        with open(file, "rb") as stream:
+            for _, channel, _, _ in make_reader(stream, validate_crcs=True, decoder_factories=[DecoderFactory()]).iter_decoded_messages():
+                counts[channel.topic] = counts.get(channel.topic, 0) + 1
+    return counts
+
+
+def main():
+    tandem = sys.argv[1]
+    for folder in map(pathlib.Path, sys.argv[2:]):
+        counts = with_rosbags(folder)
+        others = with_mcap(folder)
+        check(counts == others, f"{folder}: rosbags found {counts}, mcap {others}")
+        info = json.loads(subprocess.run([tandem, "bag", "info", "--json", folder], check=True, capture_output=True, text=True).stdout)
+        ours = {topic["name"]: topic["messages"] for topic in info["topics"] if topic["messages"]}
+        check(counts == ours, f"{folder}: rosbags found {counts}, we {ours}")
+        for topic in NEEDED:
+            check(topic in counts, f"{folder}: nothing on {topic}")
+        check(len({counts[topic] for topic in EVERY_CYCLE}) == 1, f"{folder}: {counts}")
+        print(f"{folder.name}: {sum(counts.values())} messages on {len(counts)} topics decode with the bag's own schemas, by rosbags and by mcap")
+
+
+main()
