@@ -161,7 +161,7 @@ fn mutated_files_never_panic() {
             for leg in &robot.legs {
                 for joint in 0..3 {
                     let range = leg.position_min_rad[joint]..=leg.position_max_rad[joint];
-                    assert!(range.contains(&leg.stand_rad[joint]) && range.contains(&leg.sit_rad[joint]), "{text}");
+                    assert!(range.contains(&leg.stand_rad[joint]) && leg.sit_rad[joint].is_finite(), "{text}");
                 }
             }
             assert!(robot.limits.drive_torque_nm.iter().all(|limit| limit.is_finite() && *limit > 0.0), "{text}");

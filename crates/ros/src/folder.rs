@@ -2,15 +2,24 @@
 
 use std::path::{Path, PathBuf};
 
-use crate::RosError;
+/// Where an installation has the files that belong to all nodes, below the installation's folder.
+const SHARED: &str = "share/tandem";
 
-/// A folder given relative to the working folder or, where it is not there, to a folder above the program: the program of a
-/// clone finds the clone's own `config` from anywhere.
+/// A file or folder is not there.
+#[derive(Debug, thiserror::Error)]
+#[error("{} is neither in the working folder nor above {}: give its whole path", given.display(), program.display())]
+pub struct NotFound {
+    given: PathBuf,
+    program: PathBuf,
+}
+
+/// A folder or file given relative to the working folder or, where it is not there, to a folder above the program or to
+/// `share/tandem` in one: a clone's program finds the clone's `config` from anywhere, an installed one the installed `config`.
 ///
 /// # Errors
-/// Neither is there; both are named.
-pub fn find_folder(given: &Path) -> Result<PathBuf, RosError> {
-    if given.is_dir() {
+/// It is nowhere; the places are named.
+pub fn find(given: &Path) -> Result<PathBuf, NotFound> {
+    if given.exists() {
         return Ok(given.into());
     }
     // Without its own path a program looks only in the working folder.
@@ -18,10 +27,7 @@ pub fn find_folder(given: &Path) -> Result<PathBuf, RosError> {
     program
         .ancestors()
         .skip(1)
-        .map(|above| above.join(given))
-        .find(|folder| given.is_relative() && folder.is_dir())
-        .ok_or_else(|| RosError::Name {
-            name: given.display().to_string(),
-            reason: format!("no such folder, neither from here nor above {}: give its whole path", program.display()),
-        })
+        .flat_map(|above| [above.join(given), above.join(SHARED).join(given)])
+        .find(|path| given.is_relative() && path.exists())
+        .ok_or_else(|| NotFound { given: given.into(), program })
 }

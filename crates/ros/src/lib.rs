@@ -61,7 +61,7 @@ pub use action::{Goal, GoalEnd};
 pub use arguments::{Arguments, DiscoveryRange};
 pub use client::Client;
 pub use error::{CallError, PublishError, RosError};
-pub use folder::find_folder;
+pub use folder::{NotFound, find};
 pub use node::{Node, Stop};
 pub use parameters::{Parameter, ParameterBuilder, ParameterType, ParameterValue, Ranged};
 pub use publisher::{Publisher, RawPublisher};

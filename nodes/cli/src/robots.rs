@@ -20,14 +20,13 @@ impl RobotArguments {
     }
 }
 
-/// A path as it is; a bare name in the configuration folder: `TANDEM_CONFIG`, or `config` here, or where this was built.
+/// A path as it is; a bare name in the configuration folder: `TANDEM_CONFIG`, or `config` here or above the program.
 fn folder(robot: &str) -> PathBuf {
     if robot.contains('/') || Path::new(robot).join("robot.toml").exists() {
         return robot.into();
     }
-    let built_from = concat!(env!("CARGO_MANIFEST_DIR"), "/../../config");
-    let candidates = [std::env::var("TANDEM_CONFIG").unwrap_or_default(), "config".into(), built_from.into()];
-    let folders = candidates.iter().filter(|c| !c.is_empty()).map(|c| Path::new(c).join("robots").join(robot));
-    // Where none exists, opening the one in `config` gives the error that a person expects.
-    folders.clone().find(|f| f.join("robot.toml").exists()).unwrap_or_else(|| Path::new("config/robots").join(robot))
+    let chosen = std::env::var_os("TANDEM_CONFIG").map(|config| Path::new(&config).join("robots").join(robot));
+    let usual = Path::new("config/robots").join(robot);
+    // Where none exists, opening the usual one gives the error that a person expects.
+    chosen.filter(|folder| folder.join("robot.toml").exists()).or_else(|| ros::find(&usual).ok()).unwrap_or(usual)
 }

@@ -5,7 +5,7 @@ use control::{Config, DriveMode};
 use realtime::RealtimeRequest;
 use robot::Robot;
 use ros::{Node, RosError};
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 use std::time::Duration;
 
 /// Who sets the pace.
@@ -281,28 +281,4 @@ impl Parameters {
             ..Config::for_robot(robot)
         }
     }
-}
-
-/// A folder or file given relative to the working folder or, where it is not there, to a folder above the program: the
-/// program of a clone finds the clone's own `config` from anywhere.
-///
-/// # Errors
-/// It is in neither place; both are named.
-pub fn find(given: &Path, parameter: &str) -> anyhow::Result<PathBuf> {
-    if given.exists() {
-        return Ok(given.into());
-    }
-    let program = std::env::current_exe()?;
-    program
-        .ancestors()
-        .skip(1)
-        .map(|above| above.join(given))
-        .find(|path| given.is_relative() && path.exists())
-        .ok_or_else(|| {
-            anyhow::anyhow!(
-                "{} is neither in the working folder nor above {}: give its whole path in the parameter {parameter}",
-                given.display(),
-                program.display()
-            )
-        })
 }

@@ -14,7 +14,7 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::mpsc::sync_channel;
 use std::time::{SystemTime, UNIX_EPOCH};
-use tandem_controller::config::{Pace, Parameters, find};
+use tandem_controller::config::{Pace, Parameters};
 use tandem_controller::cycle::{Cycle, CycleClock, EmergencyStop};
 use tandem_controller::desk::{Desk, Sensors};
 use tandem_controller::press::{Press, PressRoom};
@@ -37,7 +37,7 @@ enum Bus {
 }
 
 fn open_bus(file: &Path, robot: &Robot, config: &control::Config) -> anyhow::Result<Bus> {
-    let file = find(file, "bus_file")?;
+    let file = ros::find(file)?;
     let text = std::fs::read_to_string(&file).with_context(|| format!("{}", file.display()))?;
     let bus = BusConfig::from_toml_str(&text, &robot.name, &config.joint_names)
         .and_then(|bus| bus.check_ranges(config).map(|()| bus))
@@ -63,7 +63,7 @@ fn run() -> anyhow::Result<()> {
     let node = Node::start("controller", &arguments)?;
     let parameters = Parameters::declare(&node)?;
     node.warn_of_unused_parameters();
-    let robot = Robot::load(&find(&parameters.robot_folder, "robot")?)?;
+    let robot = Robot::load(&ros::find(&parameters.robot_folder)?)?;
     let config = parameters.control(&robot);
     let controller = Controller::new(config.clone())?;
     let bus = parameters.bus_file.as_deref().map(|file| open_bus(file, &robot, &config)).transpose()?;

@@ -53,7 +53,7 @@ fn run() -> anyhow::Result<()> {
         .declare()?;
     node.warn_of_unused_parameters();
 
-    let folder = ros::find_folder(Path::new(&folder.get()))?;
+    let folder = ros::find(Path::new(&folder.get()))?;
     let robot = Robot::load(&folder).with_context(|| format!("robot folder {}", folder.display()))?;
     let planner = Arc::new(Planner::new(robot, Duration::from_secs_f64(time_limit_s.get()), find_nearest.get()));
 

@@ -39,7 +39,7 @@ fn drives(config: &Config, robot: &Robot, interfaces: Vec<String>) -> anyhow::Re
     if config.pace != Pace::Realtime {
         anyhow::bail!("--can needs mode realtime: frames on a bus do not wait");
     }
-    let file = tandem_sim_bridge::find(&config.bus_file)?;
+    let file = ros::find(&config.bus_file)?;
     let text = std::fs::read_to_string(&file).with_context(|| format!("cannot read {}", file.display()))?;
     let mut bus = BusConfig::from_toml_str(&text, &robot.name, &robot.joint_names())
         .with_context(|| file.display().to_string())?;
@@ -63,7 +63,7 @@ fn run() -> anyhow::Result<()> {
     let node = Node::start("sim_bridge", &arguments)?;
     let config = Config::declare(&node)?;
     node.warn_of_unused_parameters();
-    let robot = Robot::load(&tandem_sim_bridge::find(&config.robot_folder)?)?;
+    let robot = Robot::load(&ros::find(&config.robot_folder)?)?;
     let bench = can.map(|interfaces| drives(&config, &robot, interfaces)).transpose()?;
     let bridge = Bridge::new(&node, config, &robot, bench)?;
     let inbox = bridge.inbox();

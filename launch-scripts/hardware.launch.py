@@ -1,0 +1,48 @@
+"""The controller on the robot's CAN buses. It comes up disarmed; arming is a service call of its own.
+
+ros2 launch tandem hardware.launch.py bus_file:=config/hardware/vision60_can.toml core:=3
+"""
+
+from launch import LaunchDescription
+from launch.actions import DeclareLaunchArgument
+from launch.conditions import IfCondition
+from launch.substitutions import LaunchConfiguration
+from launch_ros.actions import Node
+from launch_ros.parameter_descriptions import ParameterValue
+
+
+def generate_launch_description():
+    arguments = [
+        DeclareLaunchArgument("namespace", default_value="", description="Namespace of the nodes."),
+        DeclareLaunchArgument("robot", default_value="config/robots/vision60", description="Folder of the robot."),
+        DeclareLaunchArgument("bus_file", default_value="config/hardware/vision60_can.toml", description="Joints to drives."),
+        DeclareLaunchArgument("core", default_value="-1", description="Processor of the control thread; -1: any."),
+        DeclareLaunchArgument(
+            "emergency_stop_heartbeat_s",
+            default_value="0.5",
+            description="Longest silence of the emergency_stop topic; 0: its silence means nothing.",
+        ),
+        DeclareLaunchArgument(
+            "planner", default_value="true", choices=["true", "false"], description="false: a planner runs elsewhere."
+        ),
+    ]
+    value = LaunchConfiguration
+    namespace = value("namespace")
+    robot = {"robot": value("robot")}
+    hardware = {
+        "backend": "can",
+        "bus_file": value("bus_file"),
+        "core": ParameterValue(value("core"), value_type=int),
+        "emergency_stop_heartbeat_s": ParameterValue(value("emergency_stop_heartbeat_s"), value_type=float),
+    }
+    nodes = [
+        Node(package="tandem_controller", executable="tandem_controller", namespace=namespace, parameters=[robot, hardware]),
+        Node(
+            package="tandem_planner",
+            executable="tandem_planner",
+            namespace=namespace,
+            parameters=[robot],
+            condition=IfCondition(value("planner")),
+        ),
+    ]
+    return LaunchDescription(arguments + nodes)

@@ -1,0 +1,33 @@
+"""Planner, controller and MuJoCo in one place: ros2 launch tandem simulation.launch.py [mode:=lockstep] [terrain:=rough] ..."""
+
+from launch import LaunchDescription
+from launch.actions import DeclareLaunchArgument
+from launch.substitutions import LaunchConfiguration
+from launch_ros.actions import Node
+
+
+def generate_launch_description():
+    arguments = [
+        DeclareLaunchArgument("namespace", default_value="", description="Namespace of the three nodes."),
+        DeclareLaunchArgument("robot", default_value="config/robots/vision60", description="Folder of the robot."),
+        DeclareLaunchArgument(
+            "mode", default_value="realtime", choices=["realtime", "lockstep"], description="Wall clock, or step by step."
+        ),
+        DeclareLaunchArgument(
+            "terrain", default_value="flat", choices=["flat", "slope", "rough", "steps"], description="The ground."
+        ),
+        DeclareLaunchArgument("initial_posture", default_value="sit", choices=["sit", "stand"], description="At the start."),
+    ]
+    value = LaunchConfiguration
+    namespace = value("namespace")
+    robot = {"robot": value("robot")}
+    mode = {"mode": value("mode")}
+    scene = {"terrain": value("terrain"), "initial_posture": value("initial_posture")}
+    nodes = [
+        Node(package="tandem_planner", executable="tandem_planner", namespace=namespace, parameters=[robot]),
+        Node(package="tandem_controller", executable="tandem_controller", namespace=namespace, parameters=[robot, mode]),
+        Node(
+            package="tandem_sim_bridge", executable="tandem_sim_bridge", namespace=namespace, parameters=[robot, mode, scene]
+        ),
+    ]
+    return LaunchDescription(arguments + nodes)
