@@ -54,6 +54,18 @@ pub struct PlanOptions {
     pub subproblem: SubproblemSolver,
     /// Start from another gait's solution instead of a guess.
     pub warm_start: Option<WarmStart>,
+    /// What the tracking law is to follow.
+    pub reference: Reference,
+}
+
+/// What a gait gives the tracking law to follow.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Reference {
+    /// The reference that makes the bare law give the planned torques (docs/mathematics.md, 6).
+    #[default]
+    Compensated,
+    /// The planned joints themselves. The robot sags by torque over stiffness: for comparison.
+    PlannedJoints,
 }
 
 /// A plan's solution, to start a like request from. It fits any request to the same robot with as many points.
@@ -79,7 +91,13 @@ impl Default for PlanOptions {
             // Costs are about 0.05; Clarabel's tolerances are absolute.
             objective_scale: 1e3,
         };
-        Self { program: ProgramSettings::default(), solver, subproblem: SubproblemSolver::default(), warm_start: None }
+        Self {
+            program: ProgramSettings::default(),
+            solver,
+            subproblem: SubproblemSolver::default(),
+            warm_start: None,
+            reference: Reference::default(),
+        }
     }
 }
 
@@ -127,7 +145,7 @@ pub enum PlanError {
         log: Vec<Iteration>,
     },
     /// The solution fails the check by the full-order model.
-    #[error("no gait: the solution does not satisfy the full-order dynamics: {0}")]
+    #[error("no gait: the solution fails the check by the full-order model: {0}")]
     Unverified(String),
     /// The recomposed gait is not one that can be walked.
     #[error(transparent)]
@@ -156,7 +174,14 @@ pub fn plan(
         objective: solution.objective,
     };
     let (x, coefficients) = (&solution.x, recompose::coefficients(&program, &solution.x));
-    let gait = recompose::gait(robot, coefficients, x[program::layout::T], request, &points, summary)?;
+    let mut gait = recompose::gait(robot, coefficients, x[program::layout::T], request, &points, summary)?;
+    let between = between_points(robot, request, &gait, &points);
+    if !between.is_kept() {
+        return Err(PlanError::Unverified(format!("between the program's points it breaks its limits: {between:?}")));
+    }
+    if options.reference == Reference::PlannedJoints {
+        gait.reference_coefficients_rad = gait.coefficients_rad;
+    }
     Ok(Plan { gait, points, warm_start: WarmStart(solution.x), log: solution.log })
 }
 

@@ -376,3 +376,15 @@ fn twenty_other_requests_converge_to_the_independent_optimum() {
         assert!((cost / peer - 1.0).abs() < 1e-4, "{name} at {frequency_hz} Hz: {cost}, the peer {peer}");
     }
 }
+
+#[test]
+fn the_planned_joints_are_the_reference_where_they_are_asked_for() {
+    let robot = vision60();
+    let request = GaitRequest::named("gait1", &robot).unwrap();
+    let options = PlanOptions { reference: Reference::PlannedJoints, ..PlanOptions::default() };
+    let planned = plan(&robot, &request, &options, go_on).unwrap().gait;
+    let compensated = plan(&robot, &request, &PlanOptions::default(), go_on).unwrap().gait;
+    assert_eq!(planned.reference_coefficients_rad, planned.coefficients_rad);
+    assert_eq!(planned.coefficients_rad, compensated.coefficients_rad);
+    assert_ne!(compensated.reference_coefficients_rad, compensated.coefficients_rad);
+}
