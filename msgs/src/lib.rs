@@ -28,6 +28,7 @@ pub mod std_srvs;
 pub mod tandem_msgs;
 pub mod tf2_msgs;
 pub mod unique_identifier_msgs;
+pub mod visualization_msgs;
 
 pub use interface::{Action, Covariance, Field, FieldType, Message, Optional, Service, TooMany, definition};
 pub use ports::GaitMessageError;

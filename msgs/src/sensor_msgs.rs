@@ -4,6 +4,15 @@ use crate::geometry_msgs::{Quaternion, Vector3};
 use crate::std_msgs::Header;
 
 messages! { "sensor_msgs";
+    /// A picture in a file's format.
+    CompressedImage {
+        /// When and where it was taken.
+        header: Header,
+        /// `jpeg`, `png`, …
+        format: String,
+        /// The file.
+        data: Vec<u8>,
+    }
     /// The state of joints. Arrays are as long as `name` or empty.
     JointState {
         /// When it was measured.

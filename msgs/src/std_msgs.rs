@@ -10,6 +10,18 @@ messages! { "std_msgs";
         /// The frame that it is given in.
         frame_id: std::string::String,
     }
+    /// A colour: each 0 to 1, `a` 0 transparent.
+    #[derive(Copy)]
+    ColorRGBA {
+        /// Red.
+        r: f32,
+        /// Green.
+        g: f32,
+        /// Blue.
+        b: f32,
+        /// Opacity.
+        a: f32,
+    }
     /// A truth value.
     #[derive(Copy)]
     Bool {

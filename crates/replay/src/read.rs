@@ -33,6 +33,8 @@ pub struct BehaviourRun {
     pub has_torque: bool,
     /// When the robot began to walk; the first sample's time if the bag does not say.
     pub walking_from_s: f64,
+    /// When it stopped walking after that; the last sample's time if it did not.
+    pub walking_to_s: f64,
     /// What happened: mode changes, requests, gaits, faults.
     pub events: Vec<(f64, String)>,
     /// Time and largest |commanded minus measured position| over the joints, rad, by the controller's own account.
@@ -183,6 +185,9 @@ impl Found {
         }
         let first_s = samples.first().map_or(0.0, |sample| sample.time_s);
         let walking = self.modes.iter().find(|(_, mode)| mode == "walking").map(|(time_s, _)| *time_s);
+        let last_s = samples.last().map_or(first_s, |sample| sample.time_s);
+        let after =
+            walking.and_then(|from_s| self.modes.iter().find(|(time_s, mode)| *time_s > from_s && mode != "walking"));
         let missing = self.cycle_indices.map_or(0, |(first, last)| (last - first + 1).saturating_sub(self.cycles));
         self.events.sort_by(|a, b| a.0.total_cmp(&b.0));
         BehaviourRun {
@@ -193,6 +198,7 @@ impl Found {
             has_ground,
             has_torque,
             walking_from_s: walking.unwrap_or(first_s),
+            walking_to_s: after.map_or(last_s, |(time_s, _)| *time_s),
             events: self.events,
             tracking_error: self.tracking_error,
             cycle_intervals_s: self.cycle_times_s.windows(2).map(|pair| pair[1] - pair[0]).collect(),

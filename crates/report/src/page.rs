@@ -24,6 +24,8 @@ pub struct PageRun<'a> {
     pub samples: &'a [Sample],
     /// When the robot began to walk, s.
     pub walking_from_s: f64,
+    /// When it stopped walking; the last sample's time if it did not.
+    pub walking_to_s: f64,
     /// Whether base position, orientation and velocity in the samples are known.
     pub has_body: bool,
     /// Whether ground forces are known.
@@ -165,9 +167,10 @@ fn run_data(run: &PageRun) -> Value {
 
 /// Two seconds into the walk, as in the pictures; all of a run that is shorter.
 fn settled<'a>(run: &PageRun<'a>) -> &'a [Sample] {
-    let late = from(run.samples, run.walking_from_s + 2.0);
+    let walked = &run.samples[..run.samples.partition_point(|sample| sample.time_s <= run.walking_to_s)];
+    let late = from(walked, run.walking_from_s + 2.0);
     let long_enough = |samples: &[Sample]| matches!(samples, [first, .., last] if last.time_s - first.time_s > 1.0);
-    if long_enough(late) { late } else { from(run.samples, run.walking_from_s) }
+    if long_enough(late) { late } else { from(walked, run.walking_from_s) }
 }
 
 /// For each joint type, for each leg: positions and velocities.
@@ -264,6 +267,7 @@ mod tests {
             gait: None,
             samples,
             walking_from_s: 0.0,
+            walking_to_s: 10.0,
             has_body: false,
             has_ground: false,
             has_torque: false,

@@ -9,8 +9,8 @@ use std::io::{BufRead, Read, Write};
 use byteorder::LittleEndian;
 use tandem_msgs::{
     ClearFault, ControllerState, Field, Gait, GenerateGait, JointCommand, LoadGait, Message, Service, SolverReport,
-    action_msgs, builtin_interfaces, diagnostic_msgs, geometry_msgs, lifecycle_msgs, nav_msgs, rcl_interfaces,
-    rosgraph_msgs, sensor_msgs, std_msgs, std_srvs, unique_identifier_msgs,
+    StartRecording, StopRecording, action_msgs, builtin_interfaces, diagnostic_msgs, geometry_msgs, lifecycle_msgs,
+    nav_msgs, rcl_interfaces, rosgraph_msgs, sensor_msgs, std_msgs, std_srvs, unique_identifier_msgs,
 };
 
 /// Decodes and encodes again.
@@ -104,6 +104,8 @@ fn types() -> Vec<(String, Vec<Field>, Again)> {
         lifecycle_msgs::GetAvailableTransitions,
         GenerateGait,
         LoadGait,
+        StartRecording,
+        StopRecording,
         ClearFault,
     );
     types

@@ -5,6 +5,7 @@ mod library;
 mod plan;
 mod report;
 mod robots;
+mod show;
 mod simulate;
 mod walk;
 
@@ -33,6 +34,7 @@ enum Command {
     Walk(walk::Arguments),
     Bag(bag::Arguments),
     Report(report::Arguments),
+    Show(show::Arguments),
 }
 
 fn main() -> ExitCode {
@@ -44,6 +46,7 @@ fn main() -> ExitCode {
         Command::Walk(a) => walk::run(&a),
         Command::Bag(a) => bag::run(&a),
         Command::Report(a) => report::run(&a),
+        Command::Show(a) => show::run(&a),
     };
     match result {
         Ok(code) => code,

@@ -77,6 +77,7 @@ pub fn run(arguments: &Arguments) -> Result<ExitCode> {
             gait: run.gait.as_ref(),
             samples: &run.samples,
             walking_from_s: run.walking_from_s,
+            walking_to_s: run.walking_to_s,
             has_body: run.has_body,
             has_ground: run.has_ground,
             has_torque: run.has_torque,
@@ -137,7 +138,9 @@ fn pictures(arguments: &Arguments, run: &BehaviourRun, tiles: &[::report::Tile],
         );
     }
     let origin = if arguments.recorded { ::report::Origin::Recorded } else { ::report::Origin::Simulated };
-    let drawn = ::report::Run { gait, origin, samples: &run.samples, walking_from_s: run.walking_from_s, tiles };
+    // The pictures are of the walk; stopping and sitting down are in the bag.
+    let walked = &run.samples[..run.samples.partition_point(|sample| sample.time_s <= run.walking_to_s)];
+    let drawn = ::report::Run { gait, origin, samples: walked, walking_from_s: run.walking_from_s, tiles };
     for file in ::report::render_run(folder, &drawn)? {
         println!("{}", file.display());
     }

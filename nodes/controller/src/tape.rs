@@ -28,6 +28,11 @@ use tandem_msgs::{Message, StopRecordingResponse};
 const CYCLES: usize = 2048;
 /// Messages of other topics that may wait for the writer.
 const OTHERS: usize = 1024;
+/// Messages and bytes that may wait for the disk: about eight seconds, because a disk that others keep busy can take seconds to
+/// synchronise.
+const QUEUE_MESSAGES: usize = 32_768;
+/// See above.
+const QUEUE_BYTES: usize = 16 << 20;
 /// Gaits that are kept: more than can wait for the cycle.
 const GAITS: usize = 32;
 /// How often the writer looks when nothing wakes it.
@@ -392,6 +397,8 @@ impl Writer {
         let options = RecorderOptions {
             split_bytes: self.subject.split_bytes,
             split_duration: self.subject.split_duration,
+            queue_messages: QUEUE_MESSAGES,
+            queue_bytes: QUEUE_BYTES,
             ..RecorderOptions::default()
         };
         let mut recorder = RunRecorder::start(&folder, &info, options).map_err(|error| error.to_string())?;

@@ -126,6 +126,7 @@ pub fn run(arguments: &Arguments) -> Result<ExitCode> {
         pace: Pace { wall: Instant::now(), bag_ns: start_ns },
         next_tick: Instant::now(),
         sent: 0,
+        recent: (Instant::now(), 0, 0),
         lost: 0,
     };
     let mut from_ns = start_ns + (arguments.start * 1e9) as u64;
@@ -144,7 +145,7 @@ pub fn run(arguments: &Arguments) -> Result<ExitCode> {
     let lost = player.lost;
     if arguments.reliable {
         // The last messages may still be on their way, or asked for again.
-        std::thread::sleep(Duration::from_millis(500));
+        std::thread::sleep(player.time_to_arrive());
     }
     drop(player);
     node.shutdown();
@@ -237,6 +238,8 @@ struct Player<'a> {
     pace: Pace,
     next_tick: Instant,
     sent: u64,
+    /// When the present second began, messages sent in the one before, and in it.
+    recent: (Instant, u64, u64),
     lost: u64,
 }
 
@@ -334,6 +337,20 @@ impl Player<'_> {
         }
     }
 
+    fn count_recent(&mut self) {
+        let (began, before, now) = &mut self.recent;
+        if began.elapsed() >= Duration::from_secs(1) {
+            (*began, *before, *now) = (Instant::now(), *now, 0);
+        }
+        *now += 1;
+    }
+
+    /// What a slow reliable subscriber needs for what was sent last: half a second, and a millisecond a message.
+    fn time_to_arrive(&self) -> Duration {
+        let (_, before, now) = self.recent;
+        Duration::from_millis(500 + (before + now).min(10_000))
+    }
+
     fn send(&mut self, message: &Message) -> Result<()> {
         let Some(publisher) = &self.publishers[message.topic] else { return Ok(()) };
         let patience = Instant::now() + Duration::from_secs(10);
@@ -341,6 +358,7 @@ impl Player<'_> {
             match publisher.publish(&message.data) {
                 Ok(()) => {
                     self.sent += 1;
+                    self.count_recent();
                     return Ok(());
                 }
                 Err(PublishError::Full { .. }) if self.wait_for_slow && Instant::now() < patience => {
