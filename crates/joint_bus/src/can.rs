@@ -15,12 +15,43 @@ pub struct CanLink {
     socket: Option<CanFdSocket>,
     /// Whether frames carry the kernel's time of arrival.
     stamped: bool,
+    clock: StampClock,
+}
+
+/// The kernel stamps frames with the wall clock; the loop lives on the monotonic one. A step of the wall clock must make no
+/// frame old or young.
+#[derive(Clone, Copy, Debug, Default)]
+struct StampClock {
+    /// Wall minus monotonic clock when it was looked at last, ns.
+    offset_ns: Option<i128>,
+    /// Stamps before this were given by a clock that has been set since; since the epoch.
+    set_at: Duration,
+}
+
+/// The two clocks are read one after the other, maybe with a pause between; a step smaller than this is believed, and makes
+/// a frame older by no more than this.
+const CLOCK_STEP: i128 = 5_000_000;
+
+impl StampClock {
+    /// When a frame with that stamp came, on the monotonic clock; all times since the clocks' beginnings.
+    fn arrival(&mut self, now: Duration, wall: Duration, stamp: Duration) -> Duration {
+        let offset_ns = wall.as_nanos() as i128 - now.as_nanos() as i128;
+        if self.offset_ns.replace(offset_ns).is_some_and(|last| (offset_ns - last).abs() > CLOCK_STEP) {
+            self.set_at = wall;
+        }
+        // A frame from before the step, or one that the wall clock says is yet to come: as old as its reading.
+        if stamp <= self.set_at { now } else { now.saturating_sub(wall.saturating_sub(stamp)) }
+    }
+}
+
+fn since_epoch(time: SystemTime) -> Duration {
+    time.duration_since(SystemTime::UNIX_EPOCH).unwrap_or_default()
 }
 
 impl CanLink {
     /// Opens an interface, such as `can0`. Bit rates are the interface's own (`ip link set can0 type can bitrate 1000000`).
     pub fn open(interface: &str) -> Result<Self, LinkError> {
-        let mut link = Self { interface: interface.into(), socket: None, stamped: false };
+        let mut link = Self { interface: interface.into(), socket: None, stamped: false, clock: StampClock::default() };
         link.open_socket()?;
         Ok(link)
     }
@@ -75,13 +106,6 @@ fn take(frame: &CanAnyFrame) -> Option<Incoming> {
     }
 }
 
-/// The kernel stamps with the wall clock; the loop lives on the monotonic one.
-fn on_the_clock_of(now: Duration, stamp: SystemTime) -> Duration {
-    let age = SystemTime::now().duration_since(stamp).unwrap_or_default();
-    // A step of the wall clock must not make a frame old or young.
-    now.saturating_sub(age.min(Duration::from_millis(100)))
-}
-
 impl Link for CanLink {
     fn send(&mut self, frame: &Frame, _: Duration) -> Result<(), LinkError> {
         let Some(socket) = &self.socket else { return Err(self.lost(io::Error::from_raw_os_error(libc::ENETDOWN))) };
@@ -117,7 +141,9 @@ impl Link for CanLink {
                 return Err(self.lost(io::Error::from_raw_os_error(libc::ENETDOWN)));
             };
             let result = if self.stamped {
-                socket.read_frame_with_timestamp().map(|(frame, stamp)| (frame, Some(on_the_clock_of(now, stamp))))
+                socket.read_frame_with_timestamp().map(|(frame, stamp)| {
+                    (frame, Some(self.clock.arrival(now, since_epoch(SystemTime::now()), since_epoch(stamp))))
+                })
             } else {
                 socket.read_frame().map(|frame| (frame, None))
             };
@@ -170,11 +196,19 @@ mod tests {
     }
 
     #[test]
-    fn a_stamp_of_the_wall_clock_becomes_one_of_the_loop() {
-        let now = Duration::from_secs(50);
-        let at = on_the_clock_of(now, SystemTime::now() - Duration::from_millis(3));
-        assert!(at <= now - Duration::from_millis(3) && at > now - Duration::from_millis(100));
-        assert_eq!(on_the_clock_of(now, SystemTime::now() + Duration::from_secs(60)), now);
-        assert_eq!(on_the_clock_of(now, SystemTime::now() - Duration::from_secs(60)), now - Duration::from_millis(100));
+    fn a_stamp_of_the_wall_clock_becomes_one_of_the_loop_whatever_is_done_to_the_wall_clock() {
+        let ms = Duration::from_millis;
+        let (now, wall) = (Duration::from_secs(50), Duration::from_secs(1_000_000));
+        let mut clock = StampClock::default();
+        assert_eq!(clock.arrival(now, wall, wall - ms(3)), now - ms(3));
+        // Old frames are old: after a pause of this process they must not look fresh.
+        assert_eq!(clock.arrival(now + ms(500), wall + ms(500), wall), now);
+        // An hour forward, an hour back: frames from before are as old as their reading, those behind it are stamped well.
+        for (wall, step) in [(wall + ms(3_600_000), 600), (wall - ms(3_600_000), 700)] {
+            let (now, wall) = (now + ms(step), wall + ms(step));
+            assert_eq!(clock.arrival(now, wall, Duration::from_secs(1_000_000)), now, "the first frame");
+            assert_eq!(clock.arrival(now, wall, wall - ms(2)), now, "the second");
+            assert_eq!(clock.arrival(now + ms(10), wall + ms(10), wall + ms(6)), now + ms(6));
+        }
     }
 }

@@ -19,12 +19,16 @@ const DOWN_FAULT: Duration = Duration::from_millis(5);
 /// What was read from the joints so far.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Readings {
+    /// The stamp of the state as a whole, where its source gives one; else the newest joint's arrival stands for it.
+    pub stamp: Option<Duration>,
     /// rad.
     pub position_rad: [f64; JOINTS],
     /// rad/s.
     pub velocity_rad_s: [f64; JOINTS],
     /// N m, as the drives report it.
     pub torque_nm: [f64; JOINTS],
+    /// Whether they do.
+    pub torque_told: bool,
     /// °C, where the drives report it.
     pub temperature_c: Option<[f64; JOINTS]>,
     /// Error codes of the drives, 0 for none.
@@ -36,9 +40,11 @@ pub struct Readings {
 impl Default for Readings {
     fn default() -> Self {
         Self {
+            stamp: None,
             position_rad: [0.0; JOINTS],
             velocity_rad_s: [0.0; JOINTS],
             torque_nm: [0.0; JOINTS],
+            torque_told: false,
             temperature_c: None,
             drive_error: [0; JOINTS],
             arrived: [None; JOINTS],
@@ -47,14 +53,14 @@ impl Default for Readings {
 }
 
 impl Readings {
-    /// The controller's input, once every joint has been heard; its stamp is the newest joint's.
+    /// The controller's input, once every joint has been heard.
     pub fn joint_state(&self) -> Option<JointState> {
         let mut arrived = [Duration::ZERO; JOINTS];
         for (to, from) in arrived.iter_mut().zip(self.arrived) {
             *to = from?;
         }
         Some(JointState {
-            stamp: arrived.iter().copied().max().unwrap_or_default(),
+            stamp: self.stamp.unwrap_or_else(|| arrived.iter().copied().max().unwrap_or_default()),
             arrived,
             position_rad: self.position_rad,
             velocity_rad_s: self.velocity_rad_s,
@@ -96,6 +102,11 @@ pub struct BusHealth {
 
 /// Twelve joints to read from and to write to. Nothing here ever blocks or allocates.
 pub trait JointBus {
+    /// The time of the cycle that begins at `wall` on the monotonic clock: that clock itself, unless the joints are simulated
+    /// and their time is another.
+    fn now(&mut self, wall: Duration) -> Duration {
+        wall
+    }
     /// Takes over everything that came in by `now`.
     fn read(&mut self, now: Duration, readings: &mut Readings);
     /// Sends a command to every joint. With `drives_on` false the drives are told to rest (and asked for their state).
@@ -187,6 +198,7 @@ impl<P: Protocol, L: Link> DriveBus<P, L> {
         let w = &self.config.joints[j];
         readings.position_rad[j] = w.sign * reply.position_rad / w.gear_ratio + w.zero_rad;
         readings.velocity_rad_s[j] = w.sign * reply.velocity_rad_s / w.gear_ratio;
+        readings.torque_told = true;
         readings.torque_nm[j] = w.sign * reply.torque_nm * w.gear_ratio;
         if let Some(temperature) = reply.temperature_c {
             readings.temperature_c.get_or_insert([temperature; JOINTS])[j] = temperature;

@@ -11,7 +11,7 @@
 //! - [`Link`]: something that frames go through without ever blocking: [`memory`] within a process, [`can::CanLink`] over
 //!   Linux SocketCAN, [`Faulty`] around another, for tests.
 //! - [`JointBus`]: what the control cycle sees: twelve joints to read from and write to. [`DriveBus`] makes one of links and
-//!   a protocol. The DDS backend of the same trait lives in the controller's node, because this crate knows no ROS.
+//!   a protocol. The DDS backend of the same trait is `dds_bus` in the controller's node, because this crate knows no ROS.
 #![cfg_attr(not(feature = "std"), no_std)]
 
 mod drive;

@@ -1,6 +1,7 @@
 //! `tandem`: plan gaits, simulate them, look at what happened — without ROS, DDS or a robot; and walk them with the nodes.
 
 mod bag;
+mod doctor;
 mod library;
 mod plan;
 mod report;
@@ -35,6 +36,7 @@ enum Command {
     Bag(bag::Arguments),
     Report(report::Arguments),
     Show(show::Arguments),
+    Doctor(doctor::Arguments),
 }
 
 fn main() -> ExitCode {
@@ -47,6 +49,7 @@ fn main() -> ExitCode {
         Command::Bag(a) => bag::run(&a),
         Command::Report(a) => report::run(&a),
         Command::Show(a) => show::run(&a),
+        Command::Doctor(a) => doctor::run(&a),
     };
     match result {
         Ok(code) => code,

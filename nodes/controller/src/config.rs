@@ -1,6 +1,6 @@
 //! The node's parameters.
 
-use crate::cycle::CycleClock;
+use crate::dds_bus::CycleClock;
 use control::{Config, DriveMode};
 use realtime::RealtimeRequest;
 use robot::Robot;

@@ -1,8 +1,9 @@
 //! The control thread: read, step, write. Between its start and its end it takes no lock, allocates nothing, and logs nothing.
 
+use crate::dds_bus::DdsBus;
 use crate::tape::Tape;
 use control::{
-    Controller, FaultReport, GaitName, Input, JOINTS, JointState, MAX_REQUESTS, Output, PreparedGait, Request, Tilt,
+    Controller, FaultReport, GaitName, Input, JointState, MAX_REQUESTS, Output, PreparedGait, Request, Tilt,
 };
 use joint_bus::{BusHealth, JointBus, Readings};
 use realtime::{Histogram, Periodic, RealtimeRequest, Warning, monotonic_now};
@@ -11,17 +12,6 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::thread::Thread;
 use std::time::Duration;
-
-/// A joint state and when it came in, on the monotonic clock.
-#[derive(Clone, Copy, Debug)]
-pub struct TimedState {
-    /// The state; `arrived` is not yet set.
-    pub state: JointState,
-    /// The drives' torques with it, N m, where they are told.
-    pub effort_nm: Option<[f64; JOINTS]>,
-    /// When it came in.
-    pub wall: Duration,
-}
 
 /// An attitude and when it came in, on the monotonic clock.
 #[derive(Clone, Copy, Debug)]
@@ -46,8 +36,6 @@ pub struct Asked {
 pub struct Said {
     /// The controller's output.
     pub output: Output,
-    /// False: the state was answered before, this is the same answer again.
-    pub new: bool,
     /// Numbers of the requests that the output's replies answer.
     pub ids: [u64; MAX_REQUESTS],
     /// The loaded gait.
@@ -108,15 +96,6 @@ impl EmergencyStop {
     }
 }
 
-/// Which clock the gait follows in realtime.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum CycleClock {
-    /// The stamps of the joint states, and the monotonic clock in between: right for a simulation at any speed.
-    JointStates,
-    /// The monotonic clock.
-    Monotonic,
-}
-
 /// An attitude older than this says nothing about now.
 const TILT_MEMORY: Duration = Duration::from_millis(200);
 /// Cycles between two reports on timing.
@@ -128,8 +107,6 @@ const LOCKSTEP_PATIENCE: Duration = Duration::from_millis(20);
 pub struct Cycle {
     /// The controller.
     pub controller: Controller,
-    /// Joint states in.
-    pub states: Consumer<TimedState>,
     /// Attitudes in.
     pub tilts: Consumer<TimedTilt>,
     /// Requests in.
@@ -191,7 +168,6 @@ impl Cycle {
         let timing = output.cycles.is_multiple_of(TIMING_EVERY).then(|| memory.timing());
         self.say(Said {
             output,
-            new: true,
             ids,
             gait: self.controller.gait().map(PreparedGait::name),
             missed_cycles: memory.missed_cycles,
@@ -209,66 +185,9 @@ impl Cycle {
         }
     }
 
-    /// Runs on the wall clock until the end of the program; the last command is damping.
+    /// Runs on the wall clock until the end of the program: read, step, write. The last command is damping; after it the drives'
+    /// own watchdogs damp.
     pub fn run_realtime(
-        mut self,
-        period: Duration,
-        clock: CycleClock,
-        request: RealtimeRequest,
-        warn: impl FnOnce(Vec<Warning>),
-    ) {
-        warn(request.apply());
-        let mut memory = Memory::default();
-        let mut newest: Option<TimedState> = None;
-        let mut last_now = Duration::ZERO;
-        let mut periodic = Periodic::new(period);
-        loop {
-            let wake = periodic.wait();
-            memory.latency.record(wake.latency());
-            memory.missed_cycles += wake.missed;
-            while let Ok(state) = self.states.pop() {
-                match &mut newest {
-                    // Time stands still where the states come from, and the source lives. On the machine's own clock it does
-                    // not stand still, and a source that repeats itself is a dead one.
-                    Some(old) if state.state.stamp == old.state.stamp => {
-                        if clock == CycleClock::JointStates {
-                            old.wall = state.wall;
-                        }
-                    }
-                    old => {
-                        if old.is_some_and(|old| state.state.stamp < old.state.stamp) {
-                            // The simulation began anew; the controller has a fault for it if it is armed.
-                            last_now = Duration::ZERO;
-                        }
-                        *old = Some(state);
-                    }
-                }
-            }
-            let wall = monotonic_now();
-            let (now, state) = match (clock, newest) {
-                (CycleClock::JointStates, Some(timed)) => {
-                    let now = last_now.max(timed.state.stamp + wall.saturating_sub(timed.wall));
-                    (now, Some(JointState { arrived: [timed.state.stamp; JOINTS], ..timed.state }))
-                }
-                (CycleClock::JointStates, None) => (last_now, None),
-                (CycleClock::Monotonic, newest) => {
-                    (wall, newest.map(|timed| JointState { arrived: [timed.wall; JOINTS], ..timed.state }))
-                }
-            };
-            last_now = now;
-            let stop = self.stop.load(Ordering::Acquire);
-            let effort_nm = newest.and_then(|timed| timed.effort_nm);
-            let measured = Measured { state: state.as_ref(), effort_nm, ..Measured::default() };
-            self.step(&mut memory, &measured, now, wall, stop);
-            if stop {
-                return;
-            }
-        }
-    }
-
-    /// Runs on the wall clock against drives on a bus until the end of the program: read, step, write. The last command is
-    /// damping; after it the drives' own watchdogs damp.
-    pub fn run_on_bus(
         mut self,
         mut bus: impl JointBus,
         period: Duration,
@@ -284,18 +203,19 @@ impl Cycle {
             memory.latency.record(wake.latency());
             memory.missed_cycles += wake.missed;
             let wall = monotonic_now();
-            bus.read(wall, &mut readings);
+            let now = bus.now(wall);
+            bus.read(now, &mut readings);
             let state = readings.joint_state();
             let stop = self.stop.load(Ordering::Acquire);
             let measured = Measured {
                 state: state.as_ref(),
-                effort_nm: Some(readings.torque_nm),
-                fault: bus.fault(wall),
+                effort_nm: readings.torque_told.then_some(readings.torque_nm),
+                fault: bus.fault(now),
                 readings: Some(readings),
                 bus: Some(bus.health()),
             };
-            let output = self.step(&mut memory, &measured, wall, wall, stop);
-            bus.write(&output.command, output.drives_on, monotonic_now());
+            let output = self.step(&mut memory, &measured, now, wall, stop);
+            bus.write(&output.command, output.drives_on, now + monotonic_now().saturating_sub(wall));
             if stop {
                 return;
             }
@@ -305,34 +225,32 @@ impl Cycle {
     /// Runs on the stamps of the joint states until the end of the program: one step for each new stamp, none for a stamp
     /// that was answered before, which gets the same answer again. What is asked between two stamps is applied at the
     /// second, so that a run is the same to the bit however its processes are scheduled.
-    pub fn run_lockstep(mut self) {
+    pub fn run_lockstep(mut self, mut bus: DdsBus) {
         let mut memory = Memory::default();
-        let mut last: Option<Output> = None;
+        let mut readings = Readings::default();
+        let mut last: Option<Duration> = None;
         loop {
             let mut idle = true;
-            while let Ok(TimedState { state, effort_nm, .. }) = self.states.pop() {
+            while let Some(stamp) = bus.take_one() {
                 idle = false;
-                match last {
-                    Some(output) if output.answered == Some(state.stamp) => self.say(Said {
-                        output,
-                        new: false,
-                        ids: [0; MAX_REQUESTS],
-                        gait: self.controller.gait().map(PreparedGait::name),
-                        missed_cycles: 0,
-                        timing: None,
-                        readings: None,
-                        bus: None,
-                    }),
-                    _ => {
-                        let state = JointState { arrived: [state.stamp; JOINTS], ..state };
-                        let measured = Measured { state: Some(&state), effort_nm, ..Measured::default() };
-                        last = Some(self.step(&mut memory, &measured, state.stamp, monotonic_now(), false));
-                    }
+                if last == Some(stamp) {
+                    bus.repeat();
+                    self.press.unpark();
+                    continue;
                 }
+                last = Some(stamp);
+                bus.read(stamp, &mut readings);
+                let state = readings.joint_state();
+                let effort_nm = readings.torque_told.then_some(readings.torque_nm);
+                let measured = Measured { state: state.as_ref(), effort_nm, ..Measured::default() };
+                let output = self.step(&mut memory, &measured, stamp, monotonic_now(), false);
+                bus.write(&output.command, output.drives_on, stamp);
+                self.press.unpark();
             }
             if self.stop.load(Ordering::Acquire) {
-                if let Some(now) = last.and_then(|output| output.answered) {
-                    self.step(&mut memory, &Measured::default(), now, monotonic_now(), true);
+                if let Some(now) = last {
+                    let output = self.step(&mut memory, &Measured::default(), now, monotonic_now(), true);
+                    bus.write(&output.command, output.drives_on, now);
                 }
                 return;
             }

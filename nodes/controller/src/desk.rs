@@ -1,6 +1,7 @@
 //! Callbacks and services: turn messages into values, refuse what is wrong with them, put the rest into the cycle's buffers.
 
-use crate::cycle::{Asked, EmergencyStop, TimedState, TimedTilt};
+use crate::cycle::{Asked, EmergencyStop, TimedTilt};
+use crate::dds_bus::{self, StateMessage};
 use crate::ports;
 use crate::tape::{self, Recording};
 use control::{Config, Fault, Mode, PreparedGait, Refusal, Request};
@@ -38,7 +39,7 @@ pub struct Desk {
 /// The middleware's side of the buffers for measurements.
 pub struct Sensors {
     /// Joint states to the cycle; none where it reads the drives itself.
-    pub states: Option<Producer<TimedState>>,
+    pub states: Option<Producer<StateMessage>>,
     /// Attitudes to the cycle.
     pub tilts: Producer<TimedTilt>,
     /// In lockstep: the cycle's thread, to be woken by a state.
@@ -120,7 +121,7 @@ impl Desk {
     /// Creates the node's subscriptions and services.
     pub fn open(self: &Arc<Self>, node: &Node, mut sensors: Sensors, fast: Qos) -> Result<(), RosError> {
         if let Some(states) = sensors.states.take() {
-            self.open_joint_states(node, states, sensors.wake.take(), fast)?;
+            dds_bus::listen(node, self.config.joint_names.clone(), states, sensors.wake.take(), fast)?;
         }
         let recording = Arc::clone(&self.recording);
         node.subscribe("imu", Qos::best_effort(1), move |message: sensor_msgs::Imu| {
@@ -208,35 +209,5 @@ impl Desk {
             LoadGaitResponse { success, message }
         })?;
         Ok(())
-    }
-
-    fn open_joint_states(
-        &self,
-        node: &Node,
-        mut states: Producer<TimedState>,
-        wake: Option<Thread>,
-        fast: Qos,
-    ) -> Result<(), RosError> {
-        let names = self.config.joint_names.clone();
-        let mut refused = 0_u64;
-        node.subscribe("joint_states", fast, move |message: sensor_msgs::JointState| {
-            match ports::joint_state(&message, &names) {
-                // A full buffer: the cycle takes the newest of what is there, or has ended.
-                Ok(state) => {
-                    let effort_nm = ports::effort(&message, &names);
-                    let _ = states.push(TimedState { state, effort_nm, wall: monotonic_now() });
-                    if let Some(cycle) = &wake {
-                        cycle.unpark();
-                    }
-                }
-                Err(reason) => {
-                    // A wrong publisher at 1 kHz must not fill the log.
-                    refused += 1;
-                    if refused.is_power_of_two() {
-                        tracing::warn!("joint_states refused ({refused} so far): {reason}");
-                    }
-                }
-            }
-        })
     }
 }

@@ -9,10 +9,13 @@
 //! - the **tape** ([`tape`]): the thread that records every cycle into a bag, where that is asked for;
 //! - the **press** ([`press`]): a thread that publishes what the cycle said.
 //!
+//! The cycle sees the joints as a [`joint_bus::JointBus`], whether they are on CAN or behind topics ([`dds_bus`]).
+//!
 //! [`ports`] is the one place where messages and the controller's own types meet.
 
 pub mod config;
 pub mod cycle;
+pub mod dds_bus;
 pub mod desk;
 pub mod ports;
 pub mod press;

@@ -15,7 +15,8 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::mpsc::sync_channel;
 use std::time::{SystemTime, UNIX_EPOCH};
 use tandem_controller::config::{Pace, Parameters};
-use tandem_controller::cycle::{Cycle, CycleClock, EmergencyStop};
+use tandem_controller::cycle::{Cycle, EmergencyStop};
+use tandem_controller::dds_bus::{CycleClock, DEPTH, DdsBus, Speaker};
 use tandem_controller::desk::{Desk, Sensors};
 use tandem_controller::press::{Press, PressRoom};
 use tandem_controller::tape::{self, Subject};
@@ -72,7 +73,8 @@ fn run() -> anyhow::Result<()> {
     // Nothing may be lost between two processes that wait for each other; else only the newest counts.
     let fast = if lockstep { Qos::reliable(10) } else { Qos::best_effort(1) };
 
-    let (states_in, states) = RingBuffer::new(256);
+    let (states_in, states) = RingBuffer::new(DEPTH);
+    let (commands_in, commands) = RingBuffer::new(DEPTH);
     let (tilts_in, tilts) = RingBuffer::new(64);
     let (asked_in, asked) = RingBuffer::new(64);
     let (gaits_in, gaits) = RingBuffer::new(16);
@@ -113,13 +115,14 @@ fn run() -> anyhow::Result<()> {
         config.clone(),
         lockstep,
     ));
+    let speaker =
+        (!on_bus).then(|| Speaker::new(&node, config.joint_names.clone(), commands, lockstep, fast)).transpose()?;
     let press =
-        Press::new(&node, config.joint_names, lockstep, parameters.state_every, fast, on_bus, Arc::clone(&recording))?;
+        Press::new(&node, config.joint_names, lockstep, parameters.state_every, fast, speaker, Arc::clone(&recording))?;
     let room = PressRoom { press, said, desk: Arc::clone(&desk), cycle_ended: Arc::clone(&cycle_ended) };
     let press = std::thread::Builder::new().name("press".into()).spawn(move || room.run())?;
     let cycle = Cycle {
         controller,
-        states,
         tilts,
         asked,
         gaits,
@@ -131,17 +134,20 @@ fn run() -> anyhow::Result<()> {
         start_on_gait: parameters.start_on_gait,
     };
     let (warnings_in, warnings) = sync_channel(1);
-    let (pace, period, clock, realtime) = (parameters.pace, parameters.period, parameters.clock, parameters.realtime);
+    let (pace, period, realtime) = (parameters.pace, parameters.period, parameters.realtime);
+    // In lockstep the cycle follows the stamps and nothing else.
+    let clock = if lockstep { CycleClock::JointStates } else { parameters.clock };
+    let topics = DdsBus::new(states, commands_in, Some(press.thread().clone()), clock);
     let control = std::thread::Builder::new().name("control".into()).spawn(move || {
         // The receiver waits for it; the channel has room.
         let warn = move |list: Vec<Warning>| warnings_in.send(list).unwrap_or_default();
         match (bus, pace) {
-            (Some(Bus::Mit(bus)), _) => cycle.run_on_bus(bus, period, realtime, warn),
-            (Some(Bus::Registers(bus)), _) => cycle.run_on_bus(bus, period, realtime, warn),
-            (None, Pace::Realtime) => cycle.run_realtime(period, clock, realtime, warn),
+            (Some(Bus::Mit(bus)), _) => cycle.run_realtime(bus, period, realtime, warn),
+            (Some(Bus::Registers(bus)), _) => cycle.run_realtime(bus, period, realtime, warn),
+            (None, Pace::Realtime) => cycle.run_realtime(topics, period, realtime, warn),
             (None, Pace::Lockstep) => {
                 warn(Vec::new());
-                cycle.run_lockstep();
+                cycle.run_lockstep(topics);
             }
         }
     })?;

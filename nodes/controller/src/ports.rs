@@ -1,53 +1,56 @@
 //! Messages to and from the controller's own types: the one place where the two meet. (Gaits: [`tandem_msgs::Gait::to_gait`].)
 
-use control::{JOINTS, JointState, Output, Tilt};
+use crate::dds_bus::{CommandMessage, StateMessage};
+use control::{JOINTS, Output, Tilt};
 use std::time::Duration;
 use tandem_msgs::builtin_interfaces::Time;
 use tandem_msgs::std_msgs::Header;
 use tandem_msgs::{ControllerState, JointCommand, sensor_msgs};
 
 /// Where each of our joints is in a message's list of names; a message in our order costs twelve comparisons.
-fn order(found: &[String], names: &[String; JOINTS]) -> Result<[usize; JOINTS], String> {
-    let mut from = [0; JOINTS];
+fn order(found: &[String], names: &[String; JOINTS]) -> [Option<usize>; JOINTS] {
+    let mut from = [None; JOINTS];
     for (j, name) in names.iter().enumerate() {
-        from[j] = if found.get(j) == Some(name) {
-            j
-        } else {
-            found
-                .iter()
-                .position(|n| n == name)
-                .ok_or_else(|| format!("joint \"{name}\" is missing; the message has {found:?}"))?
-        };
+        from[j] = if found.get(j) == Some(name) { Some(j) } else { found.iter().position(|n| n == name) };
     }
-    Ok(from)
+    from
 }
 
-/// The joints of a message, in our order. `arrived` is left at zero: the cycle knows the time. Values that are not finite
-/// go through: the controller has a fault for them.
-pub fn joint_state(message: &sensor_msgs::JointState, names: &[String; JOINTS]) -> Result<JointState, String> {
+/// The joints of a message that came in at `wall`, in our order; and what is wrong with it. A joint that it lacks is marked so,
+/// and grows stale if no other message has it. Values that are not finite go through: the controller has a fault for them.
+pub fn joint_state(
+    message: &sensor_msgs::JointState,
+    names: &[String; JOINTS],
+    wall: Duration,
+) -> (Option<StateMessage>, Option<String>) {
     for (list, length) in [("position", message.position.len()), ("velocity", message.velocity.len())] {
         if length != message.name.len() {
-            return Err(format!("{list} has {length} entries, name has {}: expected as many", message.name.len()));
+            let problem =
+                format!("refused: {list} has {length} entries, name has {}: expected as many", message.name.len());
+            return (None, Some(problem));
         }
     }
-    let from = order(&message.name, names)?;
-    Ok(JointState {
-        stamp: stamp(message.header.stamp)?,
-        arrived: [Duration::ZERO; JOINTS],
-        position_rad: from.map(|i| message.position[i]),
-        velocity_rad_s: from.map(|i| message.velocity[i]),
-        temperature_c: None,
-        drive_error: [0; JOINTS],
-    })
-}
-
-/// The torques of a message, in our order, N m; none where they are not told or are no numbers.
-pub fn effort(message: &sensor_msgs::JointState, names: &[String; JOINTS]) -> Option<[f64; JOINTS]> {
-    if message.effort.len() != message.name.len() {
-        return None;
-    }
-    let effort = order(&message.name, names).ok()?.map(|i| message.effort[i]);
-    effort.iter().all(|torque| torque.is_finite()).then_some(effort)
+    let stamp = match stamp(message.header.stamp) {
+        Ok(stamp) => stamp,
+        Err(problem) => return (None, Some(format!("refused: {problem}"))),
+    };
+    let from = order(&message.name, names);
+    let problem = (0..JOINTS)
+        .find(|j| from[*j].is_none())
+        .map(|j| format!("joint \"{}\" is missing; the message has {:?}", names[j], message.name));
+    let pick = |values: &[f64]| from.map(|i| i.and_then(|i| values.get(i)).copied().unwrap_or_default());
+    let state = from.iter().any(Option::is_some).then(|| StateMessage {
+        stamp,
+        wall,
+        named: from.map(|i| i.is_some()),
+        position_rad: pick(&message.position),
+        velocity_rad_s: pick(&message.velocity),
+        // None where they are not told or are no numbers.
+        torque_nm: (message.effort.len() == message.name.len())
+            .then(|| pick(&message.effort))
+            .filter(|torque| torque.iter().all(|value| value.is_finite())),
+    });
+    (state, problem)
 }
 
 fn stamp(time: Time) -> Result<Duration, String> {
@@ -72,11 +75,11 @@ pub fn tilt(message: &sensor_msgs::Imu) -> Option<Tilt> {
     })
 }
 
-/// The command that answers the joint state of that stamp.
-pub fn joint_command(output: &Output, names: &[String; JOINTS]) -> JointCommand {
-    let c = &output.command;
+/// The command that answers the joint state of its stamp.
+pub fn joint_command(message: &CommandMessage, names: &[String; JOINTS]) -> JointCommand {
+    let c = &message.command;
     JointCommand {
-        header: Header { stamp: time(output.answered.unwrap_or_default()), frame_id: String::new() },
+        header: Header { stamp: time(message.stamp), frame_id: String::new() },
         name: names.to_vec(),
         position: c.position_rad.to_vec(),
         velocity: c.velocity_rad_s.to_vec(),
@@ -145,14 +148,24 @@ mod tests {
         message.name.insert(0, "camera_pan".into());
         message.position.insert(0, 9.0);
         message.velocity.insert(0, 9.0);
-        let state = joint_state(&message, &names()).unwrap();
-        assert_eq!(state.position_rad, std::array::from_fn(|j| j as f64));
-        assert_eq!(state.stamp, Duration::from_millis(1500));
+        let wall = Duration::from_secs(9);
+        let (state, problem) = joint_state(&message, &names(), wall);
+        let state = state.unwrap();
+        assert_eq!((state.position_rad, problem), (std::array::from_fn(|j| j as f64), None));
+        assert_eq!((state.stamp, state.wall), (Duration::from_millis(1500), wall));
 
+        // A joint that is missing is told of, marked, and the others are heard.
         message.name[4] = "joint_99".into();
-        assert!(joint_state(&message, &names()).unwrap_err().contains("\"joint_3\" is missing"));
+        let (state, problem) = joint_state(&message, &names(), wall);
+        assert!(problem.unwrap().contains("\"joint_3\" is missing"));
+        assert_eq!(state.unwrap().named, std::array::from_fn(|j| j != 3));
+
         message.velocity.pop();
-        assert!(joint_state(&message, &names()).unwrap_err().contains("velocity has 12 entries, name has 13"));
+        let (state, problem) = joint_state(&message, &names(), wall);
+        assert!(state.is_none() && problem.unwrap().contains("velocity has 12 entries, name has 13"));
+        let stranger =
+            sensor_msgs::JointState { name: vec!["pan".into()], position: vec![0.0], velocity: vec![0.0], ..message };
+        assert!(joint_state(&stranger, &names(), wall).0.is_none());
     }
 
     #[test]

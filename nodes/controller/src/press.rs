@@ -1,6 +1,7 @@
 //! The thread that publishes what the cycle said.
 
 use crate::cycle::{Said, Timing};
+use crate::dds_bus::Speaker;
 use crate::desk::Desk;
 use crate::ports;
 use crate::tape::{self, Recording};
@@ -12,16 +13,15 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Duration;
 use tandem_msgs::diagnostic_msgs::{DiagnosticArray, DiagnosticStatus, KeyValue};
 use tandem_msgs::std_msgs::Header;
-use tandem_msgs::{ControllerState, JointCommand, sensor_msgs};
+use tandem_msgs::{ControllerState, sensor_msgs};
 
 /// How long it sleeps when nobody wakes it.
 const PATIENCE: Duration = Duration::from_millis(20);
-/// A command for a state that was answered before is sent again only so often: its receiver has it, unless it was lost.
-const REPEAT_EVERY: u64 = 10;
 
 /// The node's publishers.
 pub struct Press {
-    joint_command: Publisher<JointCommand>,
+    /// Where the joints are behind topics.
+    speaker: Option<Speaker>,
     controller_state: Publisher<ControllerState>,
     /// Where the cycle itself reads the drives.
     joint_states: Option<Publisher<sensor_msgs::JointState>>,
@@ -40,27 +40,25 @@ pub struct Press {
 /// What was said last, to tell what is new.
 #[derive(Default)]
 struct Last {
-    answered: Option<Duration>,
     mode: Option<Mode>,
     report: Option<FaultReport>,
-    repeats: u64,
 }
 
 impl Press {
-    /// Creates the publishers.
+    /// Creates the publishers. Without a speaker the cycle reads the drives itself, and `joint_states` is published.
     pub fn new(
         node: &Node,
         joint_names: [String; JOINTS],
         lockstep: bool,
         state_every: u64,
         fast: Qos,
-        on_bus: bool,
+        speaker: Option<Speaker>,
         recording: Arc<Recording>,
     ) -> Result<Self, RosError> {
         Ok(Self {
-            joint_command: node.publisher("joint_command", fast)?,
+            joint_states: speaker.is_none().then(|| node.publisher("joint_states", fast)).transpose()?,
+            speaker,
             controller_state: node.publisher("controller_state", Qos::reliable(10))?,
-            joint_states: on_bus.then(|| node.publisher("joint_states", fast)).transpose()?,
             diagnostics: node.publisher("/diagnostics", Qos::reliable(10))?,
             joint_names,
             node_name: node.full_name(),
@@ -77,8 +75,10 @@ impl Press {
     pub fn run(mut self, mut said: Consumer<Said>, desk: &Desk, cycle_ended: &AtomicBool) {
         loop {
             let ended = cycle_ended.load(Ordering::Acquire);
+            self.speak();
             while let Ok(said) = said.pop() {
                 self.print(&said, desk);
+                self.speak();
             }
             if ended {
                 return;
@@ -87,28 +87,21 @@ impl Press {
         }
     }
 
+    /// Commands first: the robot waits for them.
+    fn speak(&mut self) {
+        while let Some(sent) = self.speaker.as_mut().and_then(Speaker::speak) {
+            self.note(sent);
+        }
+    }
+
     fn print(&mut self, said: &Said, desk: &Desk) {
         let output = &said.output;
         for (id, reply) in said.ids.iter().zip(&output.replies) {
-            if said.new
-                && *id != 0
+            if *id != 0
                 && let Some(reply) = reply
             {
                 desk.reply(*id, *reply);
             }
-        }
-        // Without any state there is nothing to answer.
-        if output.answered.is_some() {
-            let repeated = output.answered == self.last.answered;
-            self.last.repeats = if repeated { self.last.repeats + 1 } else { 0 };
-            let changed = self.last.mode != Some(output.mode);
-            if self.lockstep || changed || self.last.repeats.is_multiple_of(REPEAT_EVERY) {
-                let sent = self.joint_command.publish(ports::joint_command(output, &self.joint_names));
-                self.note(sent);
-            }
-        }
-        if !said.new {
-            return;
         }
         if let (Some(port), Some(readings)) = (&self.joint_states, &said.readings)
             && let Some(answered) = output.answered
@@ -118,7 +111,6 @@ impl Press {
         }
         let changed = self.last.mode != Some(output.mode) || self.last.report != output.report;
         self.log(said);
-        self.last.answered = output.answered;
         self.last.mode = Some(output.mode);
         self.last.report = output.report;
         if changed || output.cycles.is_multiple_of(self.state_every) {

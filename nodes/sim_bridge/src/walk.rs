@@ -151,7 +151,7 @@ enum Path {
     /// The simulator's own drives, and commands on their way to them.
     Own { on_the_way: VecDeque<JointCommand>, delay_cycles: usize },
     /// Emulated drives behind frames.
-    Bus { bus: Box<dyn JointBus>, bench: Box<DriveBench>, readings: Readings },
+    Bus { bus: Box<dyn JointBus>, bench: Box<DriveBench>, readings: Box<Readings> },
 }
 
 impl Path {
@@ -176,7 +176,7 @@ impl Path {
             .unzip();
         let bus = Box::new(DriveBus::new(drives.bus.clone(), Speech::of(&drives.bus), near));
         let bench = Box::new(DriveBench::new(drives.bus.clone(), drives.model, far));
-        let mut path = Self::Bus { bus, bench, readings: Readings::default() };
+        let mut path = Self::Bus { bus, bench, readings: Box::default() };
         path.greet();
         Ok(path)
     }

@@ -127,6 +127,28 @@ fn it_walks_on_emulated_drives_over_both_protocols() {
     }
 }
 
+/// What docs/simulation.md says of latency, at its two ends: the whole table takes minutes.
+#[test]
+fn latency_is_borne_where_the_drives_close_the_law_and_ends_in_a_fault_where_the_controller_does() {
+    let robot = vision60();
+    let file = include_str!("../../../config/hardware/vision60_can.toml");
+    let bus = BusConfig::from_toml_str(file, "vision60", &robot.joint_names()).unwrap();
+    let walked = |drive_mode, latency_ms| {
+        let model = DriveModel { latency: std::time::Duration::from_millis(latency_ms), ..DriveModel::default() };
+        let drives = Some(Drives { bus: bus.clone(), model });
+        run(WalkOptions { seconds: 5.0, drive_mode, drives, ..WalkOptions::default() }).unwrap()
+    };
+    for (drive_mode, latency_ms) in [(DriveMode::Impedance, 4), (DriveMode::Torque, 1)] {
+        let walk = walked(drive_mode, latency_ms);
+        assert_eq!(walk.end, End::Upright, "{drive_mode:?} {latency_ms} ms");
+        let knee = walk.figures.mean_abs_torque_nm.knee;
+        assert!((16.0..19.0).contains(&knee), "{drive_mode:?} {latency_ms} ms: {knee} Nm at the knees");
+    }
+    let walk = walked(DriveMode::Torque, 6);
+    let End::Fault { at_s, fault } = walk.end else { panic!("{:?}", walk.end) };
+    assert!(at_s < 3.0 && fault.starts_with("tracking_error"), "{at_s}: {fault}");
+}
+
 #[test]
 fn drives_whose_numbers_cannot_carry_the_commands_are_refused() {
     let file =

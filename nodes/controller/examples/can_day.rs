@@ -1,0 +1,435 @@
+//! A day of the shipped programs on a kernel's CAN, as `tests/can/run` runs it in a virtual machine with the virtual interfaces
+//! `can0` to `can3`: planner, controller (`backend:=can`, the shipped wiring file) and the simulation bridge with emulated
+//! drives (`--can`) are processes of their own, and this is their client. Nothing but the buses joins controller and drives.
+//!
+//!     can_day FOLDER_OF_PROGRAMS SECONDS
+//!
+//! Doctor, plan, arm, stand up, walk SECONDS; then the planner dies, the wall clock jumps, the bus reports an error, goes off,
+//! an interface goes down, the controller hangs, dies and comes back, and the robot dies. Each has a bound on the time until
+//! the robot is safe, as a client sees it over DDS; 1 ms is a control cycle. Any failure ends it with exit status 1.
+
+use control::JOINTS;
+use joint_bus::DriveModel;
+use joint_bus::can::send_error_frame;
+use realtime::monotonic_now;
+use ros::{Arguments, Client, Node, Qos};
+use std::collections::VecDeque;
+use std::process::{Child, Command};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::time::Duration;
+use tandem_msgs::nav_msgs::Odometry;
+use tandem_msgs::sensor_msgs::JointState;
+use tandem_msgs::std_srvs::{Trigger, TriggerRequest};
+use tandem_msgs::{
+    ClearFault, ClearFaultRequest, ControllerState, GenerateGait, GenerateGaitRequest, LoadGait, LoadGaitRequest,
+};
+
+type Failure = Box<dyn std::error::Error>;
+
+const MS: Duration = Duration::from_millis(1);
+/// A service's answer is waited for so long, discovery included.
+const PATIENCE: Duration = Duration::from_secs(20);
+/// From the controller's cycle to this client: the message's way over DDS.
+const ON_THE_WAY: Duration = Duration::from_millis(15);
+/// The drives' watchdog, and what the bridge takes to publish.
+const WATCHDOG_CYCLES: i64 = 20;
+/// Silence of a drive that means damping, on CAN.
+const STATE_TIMEOUT: Duration = Duration::from_millis(10);
+/// A drive that damps gives −kd v within this, N m.
+const DAMPING_TOLERANCE_NM: f64 = 1.5;
+/// The last joint states that are kept.
+const KEPT: usize = 1000;
+
+fn main() {
+    if let Err(failure) = run() {
+        println!("can_day: FAILED: {failure}");
+        std::process::exit(1);
+    }
+    println!("can_day: passed");
+}
+
+/// A program that does not outlive this one.
+struct Program(Child);
+
+impl Program {
+    fn start(folder: &str, name: &str, arguments: &[&str]) -> Result<Self, Failure> {
+        Ok(Self(Command::new(format!("{folder}/{name}")).args(arguments).spawn().map_err(|e| format!("{name}: {e}"))?))
+    }
+
+    fn signal(&self, signal: i32) -> Result<(), Failure> {
+        let status = Command::new("kill").args([format!("-{signal}"), self.0.id().to_string()]).status()?;
+        if status.success() { Ok(()) } else { Err(format!("kill -{signal}: {status}").into()) }
+    }
+
+    fn kill(&mut self) -> Result<(), Failure> {
+        self.0.kill()?;
+        self.0.wait()?;
+        Ok(())
+    }
+
+    fn check(&mut self, name: &str) -> Result<(), Failure> {
+        match self.0.try_wait()? {
+            None => Ok(()),
+            Some(status) => Err(format!("{name} has ended: {status}").into()),
+        }
+    }
+}
+
+impl Drop for Program {
+    fn drop(&mut self) {
+        // Already ended is as good.
+        let _ = self.0.kill();
+        let _ = self.0.wait();
+    }
+}
+
+/// What was heard.
+#[derive(Default)]
+struct Heard {
+    /// Every change of mode or fault, when it came in, on the monotonic clock; and the newest state of all.
+    changes: Vec<(Duration, ControllerState)>,
+    state: Option<(Duration, ControllerState)>,
+    /// From the simulation: what the drives do.
+    joints: VecDeque<JointState>,
+    odometry: Option<Odometry>,
+}
+
+fn lock(heard: &Mutex<Heard>) -> MutexGuard<'_, Heard> {
+    heard.lock().unwrap_or_else(PoisonError::into_inner)
+}
+
+struct Day {
+    folder: String,
+    planner: Program,
+    controller: Program,
+    bridge: Program,
+    heard: Arc<Mutex<Heard>>,
+    generate: Client<GenerateGait>,
+    load: Client<LoadGait>,
+    clear: Client<ClearFault>,
+    triggers: Vec<Client<Trigger>>,
+}
+
+/// Services of the controller, and the simulation's own.
+const TRIGGERS: [&str; 5] = ["arm", "disarm", "stand", "walk", "/sim/reset"];
+/// Stood up faster than a real robot would be, because a second here takes many on the machine that plays it.
+const CONTROLLER: [&str; 5] = ["--ros-args", "-p", "backend:=can", "-p", "posture_speed_rad_s:=2.0"];
+const BRIDGE: [&str; 11] = [
+    "--can",
+    "can0,can1,can2,can3",
+    "--ros-args",
+    "-r",
+    "__ns:=/sim",
+    "-p",
+    "mode:=realtime",
+    "-p",
+    "odometry_rate_hz:=10.0",
+    "-p",
+    "imu_rate_hz:=10.0",
+];
+
+fn doctor(folder: &str) -> Result<(bool, String), Failure> {
+    let output = Command::new(format!("{folder}/tandem"))
+        .args(["doctor", "--bus", "config/hardware/vision60_can.toml", "--seconds", "0.3"])
+        .output()?;
+    let text = format!("{}{}", String::from_utf8_lossy(&output.stdout), String::from_utf8_lossy(&output.stderr));
+    Ok((output.status.success(), text))
+}
+
+fn run() -> Result<(), Failure> {
+    let arguments: Vec<String> = std::env::args().skip(1).collect();
+    let [folder, seconds] = arguments.as_slice() else {
+        return Err("usage: can_day FOLDER_OF_PROGRAMS SECONDS".into());
+    };
+    let seconds: f64 = seconds.parse()?;
+
+    // No robot: every drive is missed by its name.
+    let (healthy, text) = doctor(folder)?;
+    if healthy || !text.contains("front_left_hip_roll") {
+        return Err(format!("the doctor finds no fault with a robot that is not there:\n{text}").into());
+    }
+    println!("can_day: the doctor misses drives that do not answer");
+
+    let node = Node::start("can_day", &Arguments::default())?;
+    let heard = Arc::new(Mutex::new(Heard::default()));
+    let to = Arc::clone(&heard);
+    node.subscribe("controller_state", Qos::reliable(10), move |state: ControllerState| {
+        let mut heard = lock(&to);
+        let now = monotonic_now();
+        let last = heard.state.as_ref().map(|(_, last)| (last.mode.clone(), last.fault.clone()));
+        if last != Some((state.mode.clone(), state.fault.clone())) {
+            heard.changes.push((now, state.clone()));
+        }
+        heard.state = Some((now, state));
+    })?;
+    let to = Arc::clone(&heard);
+    node.subscribe("/sim/odom", Qos::best_effort(1), move |odometry: Odometry| lock(&to).odometry = Some(odometry))?;
+    let to = Arc::clone(&heard);
+    node.subscribe("/sim/joint_states", Qos::best_effort(1), move |joints: JointState| {
+        let mut heard = lock(&to);
+        if heard.joints.len() == KEPT {
+            heard.joints.pop_front();
+        }
+        heard.joints.push_back(joints);
+    })?;
+
+    let bridge = Program::start(folder, "tandem_sim_bridge", &BRIDGE)?;
+    wait(&heard, Duration::from_secs(20), "the simulation's joint states", |heard| !heard.joints.is_empty())?;
+    let (healthy, text) = doctor(folder)?;
+    for line in text.lines() {
+        println!("can_day: {line}");
+    }
+    if !healthy {
+        return Err("the doctor finds fault with a healthy robot".into());
+    }
+
+    let day = Day {
+        folder: folder.clone(),
+        planner: Program::start(folder, "tandem_planner", &[])?,
+        controller: Program::start(folder, "tandem_controller", &CONTROLLER)?,
+        bridge,
+        heard,
+        generate: node.client("generate_gait")?,
+        load: node.client("load_gait")?,
+        clear: node.client("clear_fault")?,
+        triggers: TRIGGERS.iter().map(|service| node.client(service)).collect::<Result<_, _>>()?,
+    };
+    let result = day.run(seconds);
+    node.shutdown();
+    result
+}
+
+fn wait(
+    heard: &Mutex<Heard>,
+    patience: Duration,
+    what: &str,
+    condition: impl Fn(&Heard) -> bool,
+) -> Result<(), Failure> {
+    let deadline = monotonic_now() + patience;
+    while !condition(&lock(heard)) {
+        if monotonic_now() > deadline {
+            let heard = lock(heard);
+            let state = heard.state.as_ref().map(|(_, state)| (state.mode.clone(), state.fault.clone()));
+            return Err(format!("{what}: not within {patience:?}; the controller: {state:?}").into());
+        }
+        std::thread::sleep(5 * MS);
+    }
+    Ok(())
+}
+
+fn ip_link(interface: &str, state: &str) -> Result<(), Failure> {
+    let status = Command::new("ip").args(["link", "set", interface, state]).status()?;
+    if status.success() { Ok(()) } else { Err(format!("ip link set {interface} {state}: {status}").into()) }
+}
+
+/// Whether a state of the simulation shows drives that damp on their own: −kd v.
+fn damps(state: &JointState) -> bool {
+    let kd = DriveModel::default().damping_kd;
+    (0..JOINTS).all(|j| (state.effort[j] + kd * state.velocity[j]).abs() < DAMPING_TOLERANCE_NM)
+}
+
+impl Day {
+    fn trigger(&self, name: &str) -> Result<(), Failure> {
+        let n = TRIGGERS.iter().position(|service| *service == name).ok_or("no such service")?;
+        let answer = self.triggers[n].call(TriggerRequest::default(), PATIENCE)?;
+        if answer.success { Ok(()) } else { Err(format!("{name}: {}", answer.message).into()) }
+    }
+
+    fn state(&self) -> Result<ControllerState, Failure> {
+        let heard = lock(&self.heard);
+        heard.state.as_ref().map(|(_, state)| state.clone()).ok_or_else(|| "no controller_state".into())
+    }
+
+    fn wait_for_mode(&self, mode: &str, patience: Duration) -> Result<(), Failure> {
+        wait(&self.heard, patience, mode, |heard| heard.state.as_ref().is_some_and(|(_, state)| state.mode == mode))
+    }
+
+    /// From wherever it is: faults cleared, disarmed, the robot put down, armed, stood up, walking.
+    fn start_walking(&self) -> Result<(), Failure> {
+        // The fall ends, drives are entered anew, links are opened again.
+        std::thread::sleep(1200 * MS);
+        for _ in 0..4 {
+            let state = self.state()?;
+            if state.mode != "fault" && state.mode != "disarmed" {
+                break;
+            }
+            for fault in state.fault.split(',').filter(|name| !name.is_empty()) {
+                // What is still wrong latches again, and is cleared in the next round.
+                let _ = self.clear.call(ClearFaultRequest { name: fault.into() }, PATIENCE)?;
+            }
+            std::thread::sleep(200 * MS);
+        }
+        if self.state()?.mode != "disarmed" {
+            self.trigger("disarm")?;
+            self.wait_for_mode("disarmed", PATIENCE)?;
+        }
+        self.trigger("/sim/reset")?;
+        std::thread::sleep(200 * MS);
+        self.trigger("arm")?;
+        std::thread::sleep(100 * MS);
+        self.trigger("stand")?;
+        self.trigger("walk")?;
+        self.wait_for_mode("walking", PATIENCE)
+    }
+
+    /// It walks on for this long without a word.
+    fn walks_on(&mut self, seconds: f64, after: &str) -> Result<(), Failure> {
+        let from = monotonic_now();
+        while monotonic_now() - from < Duration::from_secs_f64(seconds) {
+            std::thread::sleep(50 * MS);
+            let state = self.state()?;
+            if state.mode != "walking" {
+                return Err(format!("after {after} it no longer walks: {} {}", state.mode, state.fault).into());
+            }
+        }
+        self.controller.check("tandem_controller")?;
+        self.bridge.check("tandem_sim_bridge")?;
+        let heard = lock(&self.heard);
+        let pose = heard.odometry.as_ref().ok_or("no odometry")?.pose.pose;
+        let (q, height) = (pose.orientation, pose.position.z);
+        if 1.0 - 2.0 * (q.x * q.x + q.y * q.y) < 0.7 || height < 0.4 {
+            return Err(format!("after {after} it has fallen: {height:.2} m high").into());
+        }
+        Ok(())
+    }
+
+    /// Waits until it is damped, and says how long after `since` a client saw it.
+    fn safe_within(&self, since: Duration, bound: Duration, fault: &str, what: &str) -> Result<(), Failure> {
+        let safe = |(at, state): &(Duration, ControllerState)| {
+            *at >= since && (state.mode == "fault" || state.mode == "damping") && state.fault.contains(fault)
+        };
+        wait(&self.heard, Duration::from_secs(2), what, |heard| heard.changes.iter().any(safe))?;
+        let heard = lock(&self.heard);
+        let (at, state) = heard.changes.iter().find(|change| safe(change)).ok_or("no change")?;
+        let took = *at - since;
+        println!("can_day: {what}: {} ({}) seen after {:.1} ms", state.mode, state.fault, took.as_secs_f64() * 1e3);
+        if took > bound + ON_THE_WAY {
+            return Err(format!("{what}: safe after {took:?}, expected {bound:?}").into());
+        }
+        Ok(())
+    }
+
+    fn simulated_ns(&self) -> Result<i64, Failure> {
+        let heard = lock(&self.heard);
+        heard.joints.back().map(|state| state.header.stamp.nanoseconds()).ok_or_else(|| "no joint states".into())
+    }
+
+    /// Cycles from `since` (simulated ns) until every drive damps on its own, for ten states on end.
+    fn drives_damp_within(&self, since: i64, cycles: i64, what: &str) -> Result<(), Failure> {
+        std::thread::sleep(300 * MS);
+        let heard = lock(&self.heard);
+        let states: Vec<&JointState> =
+            heard.joints.iter().filter(|state| state.header.stamp.nanoseconds() > since).collect();
+        let first = states.windows(10).find(|ten| ten.iter().all(|state| damps(state))).map(|ten| ten[0]);
+        let took = (first.ok_or_else(|| format!("{what}: the drives never damp"))?.header.stamp.nanoseconds() - since)
+            / 1_000_000;
+        println!("can_day: {what}: the drives damp by themselves after {took} cycles");
+        if took > cycles { Err(format!("{what}: {took} cycles, expected {cycles}").into()) } else { Ok(()) }
+    }
+
+    fn run(mut self, seconds: f64) -> Result<(), Failure> {
+        let request = GenerateGaitRequest { behaviour: "amble".into(), ..GenerateGaitRequest::default() };
+        let answer = self.generate.call(request, Duration::from_secs(120))?;
+        if !answer.success {
+            return Err(format!("generate_gait: {} {}", answer.status, answer.message).into());
+        }
+        wait(&self.heard, PATIENCE, "the gait at the controller", |heard| {
+            heard.state.as_ref().is_some_and(|(_, state)| state.gait == "amble")
+        })?;
+        let (healthy, text) = doctor(&self.folder)?;
+        if healthy || !text.contains("another program") {
+            return Err(format!("the doctor spoke to drives that a controller speaks to:\n{text}").into());
+        }
+        println!("can_day: the doctor keeps silent where a controller runs");
+
+        self.start_walking()?;
+        let x = |day: &Self| lock(&day.heard).odometry.as_ref().map_or(0.0, |o| o.pose.pose.position.x);
+        let (from_x, from_ns) = (x(&self), self.simulated_ns()?);
+        self.walks_on(seconds, "nothing")?;
+        let (went, took) = (x(&self) - from_x, (self.simulated_ns()? - from_ns) as f64 * 1e-9);
+        println!("can_day: walked {took:.2} simulated seconds in {seconds} s on four buses, {went:.2} m ahead");
+        if took < 0.98 * seconds || went < 0.25 * seconds {
+            return Err("it did not walk as the gait says".into());
+        }
+
+        self.planner.kill()?;
+        self.walks_on(1.0, "the planner's death")?;
+        println!("can_day: the planner is killed: walked on");
+
+        Command::new("date").args(["-s", "2037-01-01 00:00:00"]).output()?;
+        self.walks_on(0.5, "a jump of the wall clock")?;
+        println!("can_day: the wall clock jumps by years: walked on");
+
+        send_error_frame("can0", 0x08, &[0; 8])?;
+        self.walks_on(0.3, "an error frame")?;
+        println!("can_day: an error frame: walked on");
+
+        let since = monotonic_now();
+        send_error_frame("can1", 0x40, &[0; 8])?;
+        self.safe_within(since, 8 * MS, "bus_down", "bus-off")?;
+        self.start_walking()?;
+        self.walks_on(0.3, "recovery from bus-off")?;
+
+        let since = monotonic_now();
+        ip_link("can2", "down")?;
+        // From here on `ip` has run too.
+        self.safe_within(since.max(monotonic_now() - 8 * MS), 8 * MS, "bus_down", "interface down")?;
+        std::thread::sleep(300 * MS);
+        ip_link("can2", "up")?;
+        self.start_walking()?;
+        self.walks_on(0.3, "recovery from an interface down")?;
+
+        // Hung: the drives' watchdogs damp; when it goes on, it finds out before it sends a torque.
+        let since = self.simulated_ns()?;
+        self.controller.signal(19)?;
+        self.drives_damp_within(since, WATCHDOG_CYCLES + 5, "the controller hangs")?;
+        let since = monotonic_now();
+        self.controller.signal(18)?;
+        self.safe_within(since, 5 * MS, "", "the controller goes on")?;
+        self.start_walking()?;
+        self.walks_on(0.3, "recovery from a controller that hung")?;
+
+        let since = self.simulated_ns()?;
+        self.controller.kill()?;
+        self.drives_damp_within(since, WATCHDOG_CYCLES + 5, "the controller is killed")?;
+        {
+            let mut heard = lock(&self.heard);
+            heard.state = None;
+            heard.changes.clear();
+        }
+        self.controller = Program::start(&self.folder, "tandem_controller", &CONTROLLER)?;
+        wait(&self.heard, PATIENCE, "the controller's return", |heard| heard.state.is_some())?;
+        let first = lock(&self.heard).changes.first().map(|(_, state)| state.mode.clone());
+        if first.as_deref() != Some("disarmed") {
+            return Err(format!("the controller comes back {first:?}, expected disarmed").into());
+        }
+        let limp = lock(&self.heard).joints.back().is_some_and(|state| state.effort.iter().all(|t| *t == 0.0));
+        if !limp {
+            return Err("the drives are not at rest under a controller that has just come back".into());
+        }
+        let json = include_str!("../../sim_bridge/tests/data/amble.json");
+        let loaded = self.load.call(LoadGaitRequest { json: json.into() }, PATIENCE)?;
+        if !loaded.success {
+            return Err(format!("load_gait: {}", loaded.message).into());
+        }
+        self.start_walking()?;
+        self.walks_on(1.0, "the controller's death and return")?;
+        println!("can_day: the controller is killed and comes back: disarmed; stood up, walked again");
+
+        let since = monotonic_now();
+        self.bridge.kill()?;
+        self.safe_within(
+            since,
+            STATE_TIMEOUT + 2 * MS,
+            "stale_joint_state",
+            "every drive silent (the robot is killed)",
+        )?;
+
+        self.controller.signal(15)?;
+        let status = self.controller.0.wait()?;
+        if !status.success() {
+            return Err(format!("SIGTERM ends the controller with {status}").into());
+        }
+        Ok(())
+    }
+}

@@ -1,0 +1,191 @@
+//! The contract of every joint bus, kept by the topics `joint_states` and `joint_command` over real DDS between two nodes.
+
+use control::{JOINTS, JointCommand};
+use joint_bus::{ContractBench, JointBus, Readings, check_contract};
+use ros::{Arguments, Node, Publisher, Qos};
+use rtrb::{Consumer, Producer, RingBuffer};
+use std::sync::mpsc::{Receiver, channel};
+use std::time::{Duration, Instant};
+use tandem_controller::dds_bus::{CommandMessage, CycleClock, DEPTH, DdsBus, Speaker, StateMessage, listen};
+use tandem_msgs::builtin_interfaces::Time;
+use tandem_msgs::sensor_msgs::JointState;
+
+const DOMAIN: u16 = 61;
+const PATIENCE: Duration = Duration::from_secs(20);
+const MS: Duration = Duration::from_millis(1);
+
+/// The controller's side in one node, a robot of the bench's in another.
+struct Bench {
+    bus: DdsBus,
+    speaker: Speaker,
+    states: Publisher<JointState>,
+    commands: Receiver<tandem_msgs::JointCommand>,
+    names: [String; JOINTS],
+    /// The stamp of the last joint state.
+    answered: Option<Duration>,
+    command: JointCommand,
+    _nodes: [Node; 2],
+}
+
+impl Bench {
+    fn new() -> Self {
+        let node = |name| Node::start(name, &Arguments::default().with_domain_id(DOMAIN)).unwrap();
+        let (controller, robot) = (node("contract_controller"), node("contract_robot"));
+        let names: [String; JOINTS] = std::array::from_fn(|j| format!("joint_{j}"));
+        let (states_in, states) = RingBuffer::new(DEPTH);
+        let (commands_in, commands) = RingBuffer::new(DEPTH);
+        let qos = Qos::reliable(10);
+        listen(&controller, names.clone(), states_in, Some(std::thread::current()), qos).unwrap();
+        let speaker = Speaker::new(&controller, names.clone(), commands, true, qos).unwrap();
+        let bus = DdsBus::new(states, commands_in, None, CycleClock::JointStates);
+        let (sender, receiver) = channel();
+        robot
+            .subscribe("joint_command", qos, move |message: tandem_msgs::JointCommand| {
+                // The test may have ended.
+                let _ = sender.send(message);
+            })
+            .unwrap();
+        let states = robot.publisher("joint_states", qos).unwrap();
+        let deadline = Instant::now() + PATIENCE;
+        while robot.publisher_count("joint_command") == 0
+            || controller.publisher_count("joint_states") == 0
+            || robot.subscription_count("joint_states") == 0
+            || controller.subscription_count("joint_command") == 0
+        {
+            assert!(Instant::now() < deadline, "the nodes do not find each other");
+            std::thread::sleep(Duration::from_millis(20));
+        }
+        // Known is not yet connected.
+        std::thread::sleep(Duration::from_millis(1000));
+        Self {
+            bus,
+            speaker,
+            states,
+            commands: receiver,
+            names,
+            answered: None,
+            command: JointCommand::LIMP,
+            _nodes: [controller, robot],
+        }
+    }
+
+    /// Brings the newest command over the topic.
+    fn fetch(&mut self) {
+        let mut expected = 0;
+        while let Some(sent) = self.speaker.speak() {
+            sent.unwrap();
+            expected += 1;
+        }
+        for _ in 0..expected {
+            let message = self.commands.recv_timeout(PATIENCE).expect("the command over DDS");
+            assert_eq!(message.name, self.names);
+            let stamp = Duration::from_nanos(message.header.stamp.nanoseconds() as u64);
+            assert!(Some(stamp) <= self.answered, "a command answers a state that was read");
+            let list = |values: &[f64]| std::array::from_fn(|j| values[j]);
+            self.command = JointCommand {
+                position_rad: list(&message.position),
+                velocity_rad_s: list(&message.velocity),
+                kp: list(&message.kp),
+                kd: list(&message.kd),
+                torque_nm: list(&message.torque),
+            };
+        }
+    }
+}
+
+impl ContractBench for Bench {
+    fn bus(&mut self) -> &mut dyn JointBus {
+        &mut self.bus
+    }
+
+    fn act(&mut self, now: Duration, q: &[f64; JOINTS], v: &[f64; JOINTS], silent: Option<usize>) -> [f64; JOINTS] {
+        self.fetch();
+        let spoken: Vec<usize> = (0..JOINTS).filter(|j| Some(*j) != silent).collect();
+        let mut message = JointState {
+            name: spoken.iter().map(|j| self.names[*j].clone()).collect(),
+            position: spoken.iter().map(|j| q[*j]).collect(),
+            velocity: spoken.iter().map(|j| v[*j]).collect(),
+            effort: Vec::new(),
+            ..JointState::default()
+        };
+        message.header.stamp = Time::from_nanoseconds(now.as_nanos() as i64);
+        self.states.publish(message).unwrap();
+        self.answered = Some(now);
+        let deadline = Instant::now() + PATIENCE;
+        while !self.bus.has_waiting() {
+            assert!(Instant::now() < deadline, "the joint state over DDS");
+            std::thread::park_timeout(Duration::from_millis(5));
+        }
+        self.command.torque(q, v)
+    }
+
+    fn tolerance(&self) -> (f64, f64) {
+        (0.0, 0.0)
+    }
+}
+
+#[test]
+fn topics_over_dds() {
+    check_contract(&mut Bench::new());
+}
+
+fn bus(clock: CycleClock) -> (DdsBus, Producer<StateMessage>, Consumer<CommandMessage>) {
+    let (states_in, states) = RingBuffer::new(DEPTH);
+    let (commands_in, commands) = RingBuffer::new(DEPTH);
+    (DdsBus::new(states, commands_in, None, clock), states_in, commands)
+}
+
+fn message(stamp: Duration, wall: Duration) -> StateMessage {
+    StateMessage {
+        stamp,
+        wall,
+        named: [true; JOINTS],
+        position_rad: [0.1; JOINTS],
+        velocity_rad_s: [0.0; JOINTS],
+        torque_nm: None,
+    }
+}
+
+#[test]
+fn time_is_the_stamps_and_runs_on_between_them() {
+    let (mut bus, mut states, _commands) = bus(CycleClock::JointStates);
+    assert_eq!(bus.now(1000 * MS), Duration::ZERO);
+    states.push(message(5 * MS, 1000 * MS)).unwrap();
+    assert_eq!(bus.now(1002 * MS), 7 * MS);
+    // Paused: the same stamp again keeps time where it is, and the source counts as alive.
+    states.push(message(5 * MS, 1050 * MS)).unwrap();
+    assert_eq!(bus.now(1050 * MS), 7 * MS);
+    let mut readings = Readings::default();
+    bus.read(7 * MS, &mut readings);
+    assert_eq!(readings.joint_state().unwrap().arrived, [5 * MS; JOINTS]);
+    // The simulation begins anew: so does time.
+    states.push(message(MS, 1060 * MS)).unwrap();
+    assert_eq!(bus.now(1060 * MS), MS);
+}
+
+#[test]
+fn on_the_machines_clock_a_source_that_repeats_itself_grows_stale() {
+    let (mut bus, mut states, _commands) = bus(CycleClock::Monotonic);
+    states.push(message(5 * MS, 1000 * MS)).unwrap();
+    states.push(message(5 * MS, 1050 * MS)).unwrap();
+    assert_eq!(bus.now(1060 * MS), 1060 * MS);
+    let mut readings = Readings::default();
+    bus.read(1060 * MS, &mut readings);
+    assert_eq!(readings.joint_state().unwrap().arrived, [1000 * MS; JOINTS]);
+    assert_eq!(readings.joint_state().unwrap().stamp, 5 * MS);
+}
+
+#[test]
+fn commands_answer_the_newest_state_and_a_stalled_speaker_is_counted() {
+    let (mut bus, mut states, mut commands) = bus(CycleClock::JointStates);
+    bus.write(&JointCommand::LIMP, true, MS);
+    assert!(commands.pop().is_err(), "nothing to answer");
+    states.push(message(5 * MS, 1000 * MS)).unwrap();
+    bus.now(1000 * MS);
+    for _ in 0..DEPTH + 3 {
+        bus.write(&JointCommand { kp: [9.0; JOINTS], ..JointCommand::LIMP }, false, 5 * MS);
+    }
+    let sent = commands.pop().unwrap();
+    assert_eq!((sent.stamp, sent.command), (5 * MS, JointCommand::LIMP), "off is limp");
+    assert_eq!((bus.health().links[0].sent, bus.health().links[0].full), (DEPTH as u64, 3));
+}
