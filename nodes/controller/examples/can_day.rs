@@ -19,6 +19,7 @@ use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::Duration;
 use tandem_msgs::nav_msgs::Odometry;
 use tandem_msgs::sensor_msgs::JointState;
+use tandem_msgs::std_msgs::Float64;
 use tandem_msgs::std_srvs::{Trigger, TriggerRequest};
 use tandem_msgs::{
     ClearFault, ClearFaultRequest, ControllerState, GenerateGait, GenerateGaitRequest, LoadGait, LoadGaitRequest,
@@ -31,8 +32,10 @@ const MS: Duration = Duration::from_millis(1);
 const PATIENCE: Duration = Duration::from_secs(20);
 /// From the controller's cycle to this client: the message's way over DDS.
 const ON_THE_WAY: Duration = Duration::from_millis(15);
-/// The drives' watchdog, and what the bridge takes to publish.
+/// The drives' watchdog.
 const WATCHDOG_CYCLES: i64 = 20;
+/// From a drive's torque to this client's eyes: two messages of joint states.
+const SEEN_CYCLES: i64 = 8;
 /// Silence of a drive that means damping, on CAN.
 const STATE_TIMEOUT: Duration = Duration::from_millis(10);
 /// A drive that damps gives −kd v within this, N m.
@@ -91,6 +94,8 @@ struct Heard {
     state: Option<(Duration, ControllerState)>,
     /// From the simulation: what the drives do.
     joints: VecDeque<JointState>,
+    /// Simulated over wall time, once a second.
+    factors: Vec<f64>,
     odometry: Option<Odometry>,
 }
 
@@ -113,8 +118,10 @@ struct Day {
 /// Services of the controller, and the simulation's own.
 const TRIGGERS: [&str; 5] = ["arm", "disarm", "stand", "walk", "/sim/reset"];
 /// Stood up faster than a real robot would be, because a second here takes many on the machine that plays it.
-const CONTROLLER: [&str; 5] = ["--ros-args", "-p", "backend:=can", "-p", "posture_speed_rad_s:=2.0"];
-const BRIDGE: [&str; 11] = [
+/// Topics are told of less often than every millisecond for the same reason: the machine has one processor for everything.
+const CONTROLLER: [&str; 7] =
+    ["--ros-args", "-p", "backend:=can", "-p", "posture_speed_rad_s:=2.0", "-p", "joint_states_rate_hz:=10.0"];
+const BRIDGE: [&str; 15] = [
     "--can",
     "can0,can1,can2,can3",
     "--ros-args",
@@ -126,6 +133,10 @@ const BRIDGE: [&str; 11] = [
     "odometry_rate_hz:=10.0",
     "-p",
     "imu_rate_hz:=10.0",
+    "-p",
+    "joint_states_rate_hz:=250.0",
+    "-p",
+    "timestep_s:=0.001",
 ];
 
 fn doctor(folder: &str) -> Result<(bool, String), Failure> {
@@ -173,6 +184,11 @@ fn run() -> Result<(), Failure> {
         heard.joints.push_back(joints);
     })?;
 
+    let to = Arc::clone(&heard);
+    node.subscribe("/sim/real_time_factor", Qos::best_effort(1), move |factor: Float64| {
+        lock(&to).factors.push(factor.data);
+    })?;
+
     let bridge = Program::start(folder, "tandem_sim_bridge", &BRIDGE)?;
     wait(&heard, Duration::from_secs(20), "the simulation's joint states", |heard| !heard.joints.is_empty())?;
     let (healthy, text) = doctor(folder)?;
@@ -194,8 +210,10 @@ fn run() -> Result<(), Failure> {
         clear: node.client("clear_fault")?,
         triggers: TRIGGERS.iter().map(|service| node.client(service)).collect::<Result<_, _>>()?,
     };
+    let heard = Arc::clone(&day.heard);
     let result = day.run(seconds);
     node.shutdown();
+    println!("can_day: simulated over wall time, second by second: {:.2?}", lock(&heard).factors);
     result
 }
 
@@ -314,13 +332,13 @@ impl Day {
         heard.joints.back().map(|state| state.header.stamp.nanoseconds()).ok_or_else(|| "no joint states".into())
     }
 
-    /// Cycles from `since` (simulated ns) until every drive damps on its own, for ten states on end.
+    /// Cycles from `since` (simulated ns) until every drive damps on its own, for five states on end.
     fn drives_damp_within(&self, since: i64, cycles: i64, what: &str) -> Result<(), Failure> {
         std::thread::sleep(300 * MS);
         let heard = lock(&self.heard);
         let states: Vec<&JointState> =
             heard.joints.iter().filter(|state| state.header.stamp.nanoseconds() > since).collect();
-        let first = states.windows(10).find(|ten| ten.iter().all(|state| damps(state))).map(|ten| ten[0]);
+        let first = states.windows(5).find(|five| five.iter().all(|state| damps(state))).map(|five| five[0]);
         let took = (first.ok_or_else(|| format!("{what}: the drives never damp"))?.header.stamp.nanoseconds() - since)
             / 1_000_000;
         println!("can_day: {what}: the drives damp by themselves after {took} cycles");
@@ -382,7 +400,7 @@ impl Day {
         // Hung: the drives' watchdogs damp; when it goes on, it finds out before it sends a torque.
         let since = self.simulated_ns()?;
         self.controller.signal(19)?;
-        self.drives_damp_within(since, WATCHDOG_CYCLES + 5, "the controller hangs")?;
+        self.drives_damp_within(since, WATCHDOG_CYCLES + SEEN_CYCLES, "the controller hangs")?;
         let since = monotonic_now();
         self.controller.signal(18)?;
         self.safe_within(since, 5 * MS, "", "the controller goes on")?;
@@ -391,7 +409,7 @@ impl Day {
 
         let since = self.simulated_ns()?;
         self.controller.kill()?;
-        self.drives_damp_within(since, WATCHDOG_CYCLES + 5, "the controller is killed")?;
+        self.drives_damp_within(since, WATCHDOG_CYCLES + SEEN_CYCLES, "the controller is killed")?;
         {
             let mut heard = lock(&self.heard);
             heard.state = None;

@@ -33,6 +33,8 @@ pub struct Parameters {
     pub period: Duration,
     /// Control cycles between two messages of state.
     pub state_every: u64,
+    /// With drives on CAN: control cycles between two messages on joint_states.
+    pub joint_states_every: u64,
     /// Longest silence of the emergency stop's topic.
     pub heartbeat: Option<Duration>,
     /// Start on the gait as soon as there is one: the robot is simulated and put there.
@@ -128,6 +130,13 @@ impl Parameters {
             .get();
         let period_s = number("control_period_s", 1e-3, 2e-4, 0.02, "Control period in realtime, s.")?;
         let state_rate_hz = number("state_rate_hz", 50.0, 0.1, 1000.0, "Rate of controller_state, Hz.")?;
+        let joint_states_rate_hz = number(
+            "joint_states_rate_hz",
+            1000.0,
+            0.1,
+            5000.0,
+            "With backend can: rate of joint_states, as read from the drives, Hz.",
+        )?;
         let heartbeat_s = number(
             "emergency_stop_heartbeat_s",
             0.0,
@@ -209,6 +218,7 @@ impl Parameters {
                 ..RealtimeRequest::default()
             },
             period: Duration::from_nanos((period_s * 1e9).round() as u64),
+            joint_states_every: (1.0 / (joint_states_rate_hz * period_s)).round().max(1.0) as u64,
             state_every: (1.0 / (state_rate_hz * period_s)).round().max(1.0) as u64,
             heartbeat: (heartbeat_s > 0.0).then(|| Duration::from_secs_f64(heartbeat_s)),
             start_on_gait,

@@ -117,8 +117,8 @@ fn run() -> anyhow::Result<()> {
     ));
     let speaker =
         (!on_bus).then(|| Speaker::new(&node, config.joint_names.clone(), commands, lockstep, fast)).transpose()?;
-    let press =
-        Press::new(&node, config.joint_names, lockstep, parameters.state_every, fast, speaker, Arc::clone(&recording))?;
+    let every = (parameters.state_every, parameters.joint_states_every);
+    let press = Press::new(&node, config.joint_names, lockstep, every, fast, speaker, Arc::clone(&recording))?;
     let room = PressRoom { press, said, desk: Arc::clone(&desk), cycle_ended: Arc::clone(&cycle_ended) };
     let press = std::thread::Builder::new().name("press".into()).spawn(move || room.run())?;
     let cycle = Cycle {

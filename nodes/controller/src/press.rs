@@ -25,6 +25,8 @@ pub struct Press {
     controller_state: Publisher<ControllerState>,
     /// Where the cycle itself reads the drives.
     joint_states: Option<Publisher<sensor_msgs::JointState>>,
+    /// Cycles between two messages of them.
+    joint_states_every: u64,
     diagnostics: Publisher<DiagnosticArray>,
     joint_names: [String; JOINTS],
     node_name: String,
@@ -50,7 +52,7 @@ impl Press {
         node: &Node,
         joint_names: [String; JOINTS],
         lockstep: bool,
-        state_every: u64,
+        (state_every, joint_states_every): (u64, u64),
         fast: Qos,
         speaker: Option<Speaker>,
         recording: Arc<Recording>,
@@ -64,6 +66,7 @@ impl Press {
             node_name: node.full_name(),
             lockstep,
             state_every,
+            joint_states_every,
             stop: node.stop(),
             last: Last::default(),
             publish_failures: 0,
@@ -105,6 +108,7 @@ impl Press {
         }
         if let (Some(port), Some(readings)) = (&self.joint_states, &said.readings)
             && let Some(answered) = output.answered
+            && output.cycles.is_multiple_of(self.joint_states_every)
         {
             let sent = port.publish(ports::joint_states(readings, &self.joint_names, answered));
             self.note(sent);
