@@ -121,7 +121,7 @@ const TRIGGERS: [&str; 5] = ["arm", "disarm", "stand", "walk", "/sim/reset"];
 /// Topics are told of less often than every millisecond for the same reason: the machine has one processor for everything.
 const CONTROLLER: [&str; 7] =
     ["--ros-args", "-p", "backend:=can", "-p", "posture_speed_rad_s:=2.0", "-p", "joint_states_rate_hz:=10.0"];
-const BRIDGE: [&str; 15] = [
+const BRIDGE: [&str; 13] = [
     "--can",
     "can0,can1,can2,can3",
     "--ros-args",
@@ -133,8 +133,6 @@ const BRIDGE: [&str; 15] = [
     "odometry_rate_hz:=10.0",
     "-p",
     "imu_rate_hz:=10.0",
-    "-p",
-    "joint_states_rate_hz:=250.0",
     "-p",
     "timestep_s:=0.001",
 ];

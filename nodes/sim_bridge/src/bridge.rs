@@ -33,6 +33,8 @@ use tandem_msgs::tf2_msgs::TFMessage;
 const REPUBLISH: Duration = Duration::from_millis(50);
 /// A service gives up on the simulation's thread after this time.
 const SERVICE_PATIENCE: Duration = Duration::from_secs(3);
+/// Behind CAN nobody waits for the topics: joint states and clock are told of every so many control periods.
+const TOLD_EVERY: u64 = 4;
 /// Behind CAN: how often frames are looked for between two control periods.
 const FRAME_POLL: Duration = Duration::from_micros(200);
 /// In realtime, what is more than this behind the wall clock is given up instead of being made up for.
@@ -237,7 +239,7 @@ impl Bridge {
         let stamp = Time::from_nanoseconds(self.stamp_ns());
         let state = self.simulator.state();
         // Behind topics every period is told of, because the controller answers it.
-        let told = self.bench.is_none() || self.period.is_multiple_of(self.config.joint_states_every);
+        let told = self.bench.is_none() || self.period.is_multiple_of(TOLD_EVERY);
         if told {
             self.ports.clock.publish(Clock { clock: stamp })?;
         }

@@ -40,8 +40,6 @@ pub struct Config {
     pub imu_every: u64,
     /// Control periods between two messages of odometry, transforms and ground forces.
     pub odometry_every: u64,
-    /// Control periods between two messages on joint_states and clock, where nobody waits for them.
-    pub joint_states_every: u64,
     /// `stand` or `sit`: may be changed while running, for the next reset.
     pub initial_posture: Parameter<String>,
     /// How long a push lasts, s: may be changed while running.
@@ -194,13 +192,6 @@ impl Config {
                 "In lockstep: how long to wait for a command before giving up with an error, wall s.",
             )?),
             imu_every: every(number("imu_rate_hz", 200.0, 0.1, 10_000.0, "Messages on imu per simulated second.")?),
-            joint_states_every: every(number(
-                "joint_states_rate_hz",
-                1000.0,
-                1.0,
-                10_000.0,
-                "With --can, where the drives answer the controller: messages on joint_states and /clock per simulated second.",
-            )?),
             odometry_every: every(number(
                 "odometry_rate_hz",
                 50.0,
