@@ -260,27 +260,23 @@ impl Day {
         wait(&self.heard, patience, mode, |heard| heard.state.as_ref().is_some_and(|(_, state)| state.mode == mode))
     }
 
-    /// From wherever it is: faults cleared, disarmed, the robot put down, armed, stood up, walking.
+    /// From wherever it is: disarmed, the robot put down, faults cleared, armed, stood up, walking.
     fn start_walking(&self) -> Result<(), Failure> {
         // The fall ends, drives are entered anew, links are opened again.
         std::thread::sleep(1200 * MS);
-        for _ in 0..4 {
-            let state = self.state()?;
-            if state.mode != "fault" && state.mode != "disarmed" {
-                break;
-            }
-            for fault in state.fault.split(',').filter(|name| !name.is_empty()) {
-                // What is still wrong latches again, and is cleared in the next round.
-                let _ = self.clear.call(ClearFaultRequest { name: fault.into() }, PATIENCE)?;
-            }
-            std::thread::sleep(200 * MS);
-        }
         if self.state()?.mode != "disarmed" {
             self.trigger("disarm")?;
             self.wait_for_mode("disarmed", PATIENCE)?;
         }
         self.trigger("/sim/reset")?;
         std::thread::sleep(200 * MS);
+        for _ in 0..2 {
+            let state = self.state()?;
+            for fault in state.fault.split(',').filter(|name| !name.is_empty()) {
+                let _ = self.clear.call(ClearFaultRequest { name: fault.into() }, PATIENCE)?;
+            }
+            std::thread::sleep(200 * MS);
+        }
         self.trigger("arm")?;
         std::thread::sleep(100 * MS);
         self.trigger("stand")?;
