@@ -3,7 +3,7 @@
 use crate::dds_bus::DdsBus;
 use crate::tape::Tape;
 use control::{
-    Controller, FaultReport, GaitName, Input, JointState, MAX_REQUESTS, Output, PreparedGait, Request, Tilt,
+    Controller, FaultReport, GaitName, Input, JOINTS, JointState, MAX_REQUESTS, Output, PreparedGait, Request, Tilt,
 };
 use joint_bus::{BusHealth, JointBus, Readings};
 use realtime::{Histogram, Periodic, RealtimeRequest, Warning, monotonic_now};
