@@ -223,7 +223,7 @@ impl Parameters {
             heartbeat: (heartbeat_s > 0.0).then(|| Duration::from_secs_f64(heartbeat_s)),
             start_on_gait,
             record_folder: (!record_folder.is_empty()).then(|| record_folder.into()),
-            split_bytes: (split_mb > 0.0).then(|| (split_mb * 1e6) as u64),
+            split_bytes: (split_mb > 0.0).then_some((split_mb * 1e6) as u64),
             split_duration: (split_s > 0.0).then(|| Duration::from_secs_f64(split_s)),
             values: Values {
                 drive_mode: if drive_mode == "torque" { DriveMode::Torque } else { DriveMode::Impedance },
