@@ -176,8 +176,13 @@ pub fn plan(
     let (x, coefficients) = (&solution.x, recompose::coefficients(&program, &solution.x));
     let mut gait = recompose::gait(robot, coefficients, x[program::layout::T], request, &points, summary)?;
     let between = between_points(robot, request, &gait, &points);
-    if !between.is_kept() {
-        return Err(PlanError::Unverified(format!("between the program's points it breaks its limits: {between:?}")));
+    let broken = between.broken();
+    if !broken.is_empty() {
+        let points = points.len();
+        return Err(PlanError::Unverified(format!(
+            "between the program's {points} points {}; plan with more points",
+            broken.join(", ")
+        )));
     }
     if options.reference == Reference::PlannedJoints {
         gait.reference_coefficients_rad = gait.coefficients_rad;

@@ -185,13 +185,24 @@ impl BetweenPoints {
     /// Whether the plan may be walked: limits of the robot are kept to a few per mille of the Vision 60's, and stance toes stay
     /// within a millimetre.
     pub fn is_kept(&self) -> bool {
-        self.stance_slip_m <= 1e-3
-            && self.swing_below_floor_m <= 2e-3
-            && self.joint_range_rad <= 5e-3
-            && self.polynomial_rad <= 5e-3
-            && self.joint_velocity_rad_s <= 0.2
-            && self.torque_nm <= 1.0
-            && self.ground_force_n <= 2.0
+        self.broken().is_empty()
+    }
+
+    /// What is broken, each with its amount and what is allowed. Written so that NaN counts as broken.
+    pub fn broken(&self) -> Vec<String> {
+        [
+            ("stance toes slip", self.stance_slip_m, 1e-3, "m"),
+            ("swing toes are below the floor", self.swing_below_floor_m, 2e-3, "m"),
+            ("joints leave their range", self.joint_range_rad, 5e-3, "rad"),
+            ("joints depart from their polynomials", self.polynomial_rad, 5e-3, "rad"),
+            ("joints are too fast", self.joint_velocity_rad_s, 0.2, "rad/s"),
+            ("torques are too large", self.torque_nm, 1.0, "N m"),
+            ("ground forces leave their limits", self.ground_force_n, 2.0, "N"),
+        ]
+        .into_iter()
+        .filter(|(_, amount, allowed, _)| amount.is_nan() || amount > allowed)
+        .map(|(what, amount, allowed, unit)| format!("{what} by {amount:.1e} {unit} (at most {allowed:.0e})"))
+        .collect()
     }
 }
 
