@@ -20,7 +20,7 @@ PROGRAMS = {
 @pytest.fixture(scope="module")
 def prefix(tmp_path_factory):
     folder = tmp_path_factory.mktemp("installed") / "prefix"
-    subprocess.run([ROOT / "launch-scripts/install-ros", folder], check=True, capture_output=True, text=True)
+    subprocess.run([ROOT / "launch-scripts/install-ros", folder, "--built"], check=True, capture_output=True, text=True)
     return folder
 
 
