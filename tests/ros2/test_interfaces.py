@@ -89,8 +89,10 @@ def parameter_table(client, node):
         return future.result()
 
     names = sorted(set(result(parameters.list_parameters()).result.names) - {"use_sim_time"})
-    values = result(parameters.get_parameters(names)).values
-    # One at a time, as `ros2 param describe` does: an answer longer than a datagram does not arrive (docs/troubleshooting.md).
+    # A few at a time, as `ros2 param get` and `describe` do: an answer longer than a datagram does not arrive
+    # (docs/troubleshooting.md).
+    groups = [names[k : k + 8] for k in range(0, len(names), 8)]
+    values = [value for group in groups for value in result(parameters.get_parameters(group)).values]
     descriptors = [result(parameters.describe_parameters([name])).descriptors[0] for name in names]
     types = {v: k.removeprefix("PARAMETER_").lower() for k, v in vars(ParameterType).items() if k.startswith("PARAMETER_")}
     lines = ["| parameter | type | default | range | set | |", "|---|---|---|---|---|---|"]
