@@ -10,25 +10,11 @@ import numpy as np
 from mcap.reader import make_reader
 from mcap_ros2.decoder import DecoderFactory
 from rosbags.rosbag2 import Reader
-from rosbags.typesys import Stores, get_typestore, get_types_from_msg
+from reading import check, embedded_types
+from rosbags.typesys import Stores, get_typestore
 
 FIRST_NS = 1_000_000_000
 CYCLE_NS = 1_000_000
-
-
-def check(condition, what):
-    if not condition:
-        sys.exit(f"FAILED: {what}")
-
-
-def embedded_types(definition, name):
-    """Every type in an embedded definition, parsed by rosbags."""
-    blocks = definition.split("=" * 80 + "\n")
-    types = get_types_from_msg(blocks[0], name)
-    for block in blocks[1:]:
-        head, body = block.split("\n", 1)
-        types.update(get_types_from_msg(body, head.removeprefix("MSG: ").replace("/", "/msg/")))
-    return types
 
 
 def stamp_of(header):

@@ -146,7 +146,8 @@ fn small_grid(robot: &Robot) -> Grid {
 }
 
 fn solved(robot: &Robot, mut library: Library) -> Library {
-    for row in 0..library.grid().rows() {
+    let rows = library.grid().rows();
+    for row in 0..rows {
         let mut found = Vec::new();
         library.solve_row(robot, row, |index, entry| {
             found.push((index, entry));

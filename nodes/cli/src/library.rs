@@ -16,9 +16,9 @@ use std::time::Instant;
 
 /// Solve a grid of requests ahead of time, and take gaits from it
 ///
-///   tandem library solve amble --axis clearance_m=0.06:0.15:10 --axis speed_m_s=0:0.5:100 -o vision60.library
-///   tandem library show vision60.library
-///   tandem library gait vision60.library --set speed_m_s=0.33 --set clearance_m=0.1 -o gait.json
+///   tandem library solve amble --axis clearance_m=0.06:0.15:10 --axis speed_m_s=0:0.5:100 -o vision60.gaits
+///   tandem library show vision60.gaits
+///   tandem library gait vision60.gaits --set speed_m_s=0.33 --set clearance_m=0.1 -o gait.json
 #[derive(clap::Args)]
 #[command(verbatim_doc_comment)]
 pub struct Arguments {
