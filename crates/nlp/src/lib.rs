@@ -10,11 +10,11 @@
 //! where the objective is convex), and a sequential quadratic programming solver whose convex subproblems Clarabel solves.
 //! This crate knows no robot: it names a constraint by asking the problem.
 
-mod dense_qp;
+mod arrow_qp;
 mod problem;
 mod qp;
 mod sqp;
 
-pub use dense_qp::{DenseQp, DenseQpError, DualActiveSet};
+pub use arrow_qp::{ArrowQp, ArrowQpError, ArrowRow, DualActiveSet, Own};
 pub use problem::{Bounds, Evaluation, Multipliers, Pattern, Problem, ProblemError, Step, Subproblem, SubproblemError};
 pub use sqp::{Iteration, Settings, SettingsError, Solution, SqpSolver, Status, Violation, most_broken};

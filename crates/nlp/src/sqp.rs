@@ -189,16 +189,21 @@ impl SqpSolver {
         problem.evaluate(&x, &mut at);
         let mut elastic: Option<Qp> = None;
         let mut elastic_price = 10.0_f64;
+        // Without multipliers one price serves all constraints, each measured by the change of an unknown that mends it:
+        // newtons and metres as they come would let the rounding of a force outweigh a toe's height.
+        let unit = units(problem, &at, m);
+        let mut common_price = 0.0_f64;
         let mut prices = vec![0.0; m];
         let mut multipliers: Option<Multipliers> = None;
         let mut log: Vec<Iteration> = Vec::new();
         let mut trial = vec![0.0; n];
         let mut trial_constraints = vec![0.0; m];
+        let mut next = at.clone();
         let mut past = Acceleration::default();
         let violation = |g: &[f64], i: usize| outside(g[i], bounds.constraint_lower[i], bounds.constraint_upper[i]);
 
         let status = loop {
-            if at.gradient.iter().chain(&at.constraints).chain(&at.jacobian).any(|v| !v.is_finite()) {
+            if ![&at.gradient, &at.constraints, &at.jacobian].into_iter().all(|values| finite(values)) {
                 break Status::NumericalTrouble { reason: "a value or derivative is not a number".into() };
             }
             let max_violation = (0..m).map(|i| violation(&at.constraints, i)).fold(0.0, f64::max);
@@ -255,11 +260,14 @@ impl SqpSolver {
                     *price = multiplier.abs().max(0.5 * (*price + multiplier.abs()));
                 }
             } else {
-                // One price for all, so high that the step descends (Nocedal & Wright, 18.36, with ρ = ½).
-                let broken: f64 = (0..m).map(|i| violation(&at.constraints, i)).sum();
+                // So high that the step descends (Nocedal & Wright, 18.36, with ρ = ½).
+                let broken: f64 = (0..m).map(|i| unit[i] * violation(&at.constraints, i)).sum();
                 let needed = if broken > 0.0 { 2.0 * (slope + 0.5 * curvature) / broken } else { 0.0 };
-                if needed > prices.first().copied().unwrap_or(0.0) {
-                    prices.fill(2.0 * needed);
+                if needed > common_price {
+                    common_price = 2.0 * needed;
+                }
+                for (price, unit) in prices.iter_mut().zip(&unit) {
+                    *price = common_price * unit;
                 }
             }
             let merit =
@@ -276,8 +284,6 @@ impl SqpSolver {
             // Directional derivative of the merit function along the step, from the linear model.
             let descent = (slope + broken_there - broken_here).min(0.0);
 
-            let mut length = 1.0;
-            let mut corrected = false;
             let extrapolated = if relaxed {
                 past.forget();
                 None
@@ -285,44 +291,57 @@ impl SqpSolver {
                 let tail = iteration.predicted_decrease.abs() <= TAIL * scale;
                 past.extrapolate(problem, &at, &x, &step.step).filter(|_| tail)
             };
+            // The extrapolated point and the full step, one of which is nearly always taken, with their derivatives.
+            let put = |trial: &mut Vec<f64>, i: usize, value: f64| {
+                trial[i] = value.clamp(bounds.variable_lower[i], bounds.variable_upper[i]);
+            };
             if let Some(target) = extrapolated {
                 for i in 0..n {
-                    trial[i] = target[i].clamp(bounds.variable_lower[i], bounds.variable_upper[i]);
+                    put(&mut trial, i, target[i]);
                 }
-                let objective = problem.values(&trial, &mut trial_constraints);
-                iteration.accelerated = merit(objective, &trial_constraints) <= merit_here + 1e-4 * descent;
+                problem.evaluate(&trial, &mut next);
+                iteration.accelerated = merit(next.objective, &next.constraints) <= merit_here + 1e-4 * descent;
             }
-            let accepted = iteration.accelerated
-                || loop {
+            // The last term forgives rounding where the merit function cannot resolve the step any more.
+            let enough = |length: f64, merit_there: f64| {
+                merit_there <= merit_here + 1e-4 * length * descent + 1e-12 * merit_here.abs().max(1.0)
+            };
+            let mut length = 1.0;
+            let mut accepted = iteration.accelerated;
+            if !accepted {
+                for i in 0..n {
+                    put(&mut trial, i, x[i] + step.step[i]);
+                }
+                problem.evaluate(&trial, &mut next);
+                accepted = enough(1.0, merit(next.objective, &next.constraints));
+            }
+            if !accepted {
+                let there = next.constraints.clone();
+                problem.evaluate(&x, &mut at);
+                let corrected = if relaxed {
+                    None
+                } else {
+                    self.second_order_correction(problem, subproblem, &x, &at, &step, &there)
+                };
+                if let Some(p) = corrected {
                     for i in 0..n {
-                        trial[i] =
-                            (x[i] + length * step.step[i]).clamp(bounds.variable_lower[i], bounds.variable_upper[i]);
+                        put(&mut trial, i, x[i] + p[i]);
                     }
                     let objective = problem.values(&trial, &mut trial_constraints);
-                    let merit_there = merit(objective, &trial_constraints);
-                    // The last term forgives rounding where the merit function cannot resolve the step any more.
-                    if merit_there <= merit_here + 1e-4 * length * descent + 1e-12 * merit_here.abs().max(1.0) {
-                        break true;
-                    }
-                    if length == 1.0 && !relaxed && !corrected {
-                        corrected = true;
-                        if let Some(p) =
-                            self.second_order_correction(problem, subproblem, &x, &at, &step, &trial_constraints)
-                        {
-                            for i in 0..n {
-                                trial[i] = (x[i] + p[i]).clamp(bounds.variable_lower[i], bounds.variable_upper[i]);
-                            }
-                            let objective = problem.values(&trial, &mut trial_constraints);
-                            if merit(objective, &trial_constraints) <= merit_here + 1e-4 * descent {
-                                break true;
-                            }
-                        }
-                    }
+                    accepted = merit(objective, &trial_constraints) <= merit_here + 1e-4 * descent;
+                }
+                while !accepted && length >= 2.0 * SHORTEST_STEP {
                     length *= 0.5;
-                    if length < SHORTEST_STEP {
-                        break false;
+                    for i in 0..n {
+                        put(&mut trial, i, x[i] + length * step.step[i]);
                     }
-                };
+                    let objective = problem.values(&trial, &mut trial_constraints);
+                    accepted = enough(length, merit(objective, &trial_constraints));
+                }
+                if accepted {
+                    problem.evaluate(&trial, &mut next);
+                }
+            }
             iteration.step_length = if accepted { length } else { 0.0 };
             log.push(iteration);
             if progress(log.last().expect("pushed above")).is_break() {
@@ -342,7 +361,7 @@ impl SqpSolver {
                 };
             }
             x.copy_from_slice(&trial);
-            problem.evaluate(&x, &mut at);
+            std::mem::swap(&mut at, &mut next);
         };
         let worst = worst(problem, &at);
         Ok(Solution { status, x, objective: at.objective, worst, multipliers, log })
@@ -476,6 +495,27 @@ pub fn most_broken<P: Problem>(problem: &P, x: &[f64], constraints: &[f64]) -> V
         (_, Some((i, amount))) => Violation { name: problem.constraint_name(i), amount },
         _ => Violation { name: "none".into(), amount: 0.0 },
     }
+}
+
+/// Whether every value is a number, eight at a time: a number times 0 is 0, anything else is not.
+fn finite(values: &[f64]) -> bool {
+    let (eights, rest) = values.as_chunks::<8>();
+    let mut sums = [0.0; 8];
+    for eight in eights {
+        for (sum, value) in sums.iter_mut().zip(eight) {
+            *sum += value * 0.0;
+        }
+    }
+    sums.iter().sum::<f64>() == 0.0 && rest.iter().all(|v| v.is_finite())
+}
+
+/// For each constraint, how far the unknown that moves it most must change to change it by one.
+fn units<P: Problem>(problem: &P, at: &Evaluation, constraints: usize) -> Vec<f64> {
+    let mut steepest = vec![0.0_f64; constraints];
+    for (&(row, _), value) in problem.jacobian_pattern().0.iter().zip(&at.jacobian) {
+        steepest[row] = steepest[row].max(value.abs());
+    }
+    steepest.iter().map(|slope| if *slope > 0.0 { 1.0 / slope } else { 1.0 }).collect()
 }
 
 /// g + J p.
