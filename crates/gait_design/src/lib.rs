@@ -16,6 +16,7 @@ mod full_order;
 mod guess;
 pub mod library;
 mod nearest;
+mod planner;
 mod program;
 mod recompose;
 mod request;
@@ -27,6 +28,7 @@ pub use condensed::Condensed;
 pub use full_order::{FullOrderProgram, plan_full_order};
 pub use guess::Unreachable;
 pub use nearest::{Changed, Nearest, Refusal, nearest, plan_or_nearest};
+pub use planner::Planner;
 pub use program::{DecomposedProgram, ProgramSettings};
 pub use recompose::PlanPoint;
 pub use request::{
@@ -38,8 +40,8 @@ pub use stability::{Complex, Stability, stability};
 pub use verification::{BetweenPoints, StepComparison, between_points, simulate_planned_step};
 
 use decomposition::Pairing;
-use gait::{Gait, GaitError, SolverSummary};
-use nlp::{Iteration, Settings, Solution, SqpSolver, Status};
+use gait::{Gait, GaitError};
+use nlp::{Iteration, Settings, Solution, Status};
 use robot::Robot;
 use std::ops::ControlFlow;
 
@@ -153,7 +155,7 @@ pub enum PlanError {
 }
 
 /// Plans one gait. `progress` sees every iteration of the solver and may stop it. The same request and options give the same
-/// gait.
+/// gait. For one gait after the other, [`Planner`] saves the setting up.
 ///
 /// On a slope the world's x–y plane is the slope's surface and gravity is turned: the gait's initial state and the robot's
 /// height are relative to the surface.
@@ -163,52 +165,7 @@ pub fn plan(
     options: &PlanOptions,
     progress: impl FnMut(&Iteration) -> ControlFlow<()>,
 ) -> Result<Plan, PlanError> {
-    let robot = &on_slope(robot, request.slope_rad);
-    let (program, solution) = solve(robot, request, options, progress)?;
-    let points = recompose::points(robot, &program, &solution.x, recompose::BALANCE_TOLERANCE)?;
-    let summary = SolverSummary {
-        status: solution.status.to_string(),
-        iterations: solution.iterations(),
-        solve_time_s: 0.0,
-        max_violation: solution.worst.amount,
-        objective: solution.objective,
-    };
-    let (x, coefficients) = (&solution.x, recompose::coefficients(&program, &solution.x));
-    let mut gait = recompose::gait(robot, coefficients, x[program::layout::T], request, &points, summary)?;
-    let between = between_points(robot, request, &gait, &points);
-    let broken = between.broken();
-    if !broken.is_empty() {
-        let points = points.len();
-        return Err(PlanError::Unverified(format!(
-            "between the program's {points} points {}; plan with more points",
-            broken.join(", ")
-        )));
-    }
-    if options.reference == Reference::PlannedJoints {
-        gait.reference_coefficients_rad = gait.coefficients_rad;
-    }
-    Ok(Plan { gait, points, warm_start: WarmStart(solution.x), log: solution.log })
-}
-
-/// The program of a request and its converged solution. `robot` is [`on_slope`]'s.
-fn solve(
-    robot: &Robot,
-    request: &GaitRequest,
-    options: &PlanOptions,
-    progress: impl FnMut(&Iteration) -> ControlFlow<()>,
-) -> Result<(DecomposedProgram, Solution), PlanError> {
-    request.validate(leg_length_m(robot))?;
-    let mut program = program_of(robot, request, options.program.clone())?;
-    let start = match &options.warm_start {
-        Some(WarmStart(x)) => x.clone(),
-        None => guess::nominal(robot, &mut program, request)?,
-    };
-    let solver = SqpSolver::new(options.solver.clone())?;
-    let solution = match options.subproblem {
-        SubproblemSolver::Condensed => solver.solve_with(&mut program, &mut Condensed::default(), &start, progress)?,
-        SubproblemSolver::Sparse => solver.solve(&mut program, &start, progress)?,
-    };
-    if solution.status == Status::Converged { Ok((program, solution)) } else { Err(not_converged(solution)) }
+    Planner::new(robot).plan(request, options, progress)
 }
 
 fn program_of(robot: &Robot, request: &GaitRequest, settings: ProgramSettings) -> Result<DecomposedProgram, PlanError> {

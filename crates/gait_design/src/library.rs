@@ -9,7 +9,7 @@
 
 use crate::program::{ProgramSettings, layout};
 use crate::request::{GaitRequest, RequestError};
-use crate::{PlanError, PlanOptions, WarmStart, leg_length_m, on_slope, program_of, recompose, solve};
+use crate::{PlanError, PlanOptions, Planner, WarmStart, leg_length_m, on_slope, program_of, recompose};
 use gait::{Gait, SolverSummary};
 use nlp::{Problem, Violation};
 use robot::Robot;
@@ -342,6 +342,7 @@ impl Library {
         let fast = &grid.axes.last().expect("a grid has axes").values;
         let mut options = PlanOptions::default();
         options.program.points = self.header.points;
+        let mut planner = Planner::new(robot);
         // The last two solved points: place along the row, unknowns.
         let mut solved: [Option<(f64, Vec<f64>)>; 2] = [None, None];
         for place in 0..length {
@@ -350,20 +351,19 @@ impl Library {
                 entry.clone()
             } else {
                 let request = grid.request(index);
-                let robot = on_slope(robot, request.slope_rad);
                 let start = continued(&solved, fast[place]);
                 let mut result = None;
                 if start.is_some() {
                     options.warm_start = start.map(WarmStart);
-                    result = solve(&robot, &request, &options, |_| ControlFlow::Continue(())).ok();
+                    result = planner.solve(&request, &options, |_| ControlFlow::Continue(())).ok();
                 }
                 options.warm_start = None;
                 let result = match result {
                     Some(solution) => Ok(solution),
-                    None => solve(&robot, &request, &options, |_| ControlFlow::Continue(())),
+                    None => planner.solve(&request, &options, |_| ControlFlow::Continue(())),
                 };
                 let entry = match result {
-                    Ok((_, s)) => Entry::Gait {
+                    Ok(s) => Entry::Gait {
                         iterations: s.iterations(),
                         objective: s.objective,
                         max_violation: s.worst.amount,

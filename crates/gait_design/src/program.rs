@@ -165,13 +165,11 @@ impl DecomposedProgram {
     pub fn new(robot: &Robot, bipeds: BipedPair, request: &GaitRequest, settings: ProgramSettings) -> Self {
         let points = settings.points;
         assert!(points >= 5 && points % 2 == 1, "{points} Hermite–Simpson points: expected an odd number from 5");
-        let distance = bipeds.nominal_toe_distance_m(request.half_width_m);
-        let tolerance = settings.toe_distance_tolerance_m;
         let mut program = Self {
-            speed_m_s: request.speed_m_s,
-            friction_face: request.friction / std::f64::consts::SQRT_2,
+            speed_m_s: 0.0,
+            friction_face: 0.0,
             mirror_sign: robot.mirror.joint_sign,
-            toe_distance_squared: [(distance - tolerance).powi(2), (distance + tolerance).powi(2)],
+            toe_distance_squared: [0.0; 2],
             bounds: Bounds {
                 variable_lower: Vec::new(),
                 variable_upper: Vec::new(),
@@ -186,14 +184,26 @@ impl DecomposedProgram {
             bipeds,
             settings,
         };
-        program.set_variable_bounds(robot, request);
-        program.set_constraint_bounds(request);
-        program.set_objective();
+        program.ask(robot, request);
         let x: Vec<f64> = vec![0.0; program.bounds.variable_lower.len()];
         let mut places = Places(Vec::new());
         program.derivatives(&x, &mut places);
         program.jacobian = Pattern(places.0);
+        program.hessian = Pattern(program.weights.iter().map(|w| (w.0, w.0)).collect());
         program
+    }
+
+    /// Makes it the program of another request, which has been validated, to the same robot on the same slope.
+    pub(crate) fn ask(&mut self, robot: &Robot, request: &GaitRequest) {
+        let distance = self.bipeds.nominal_toe_distance_m(request.half_width_m);
+        let tolerance = self.settings.toe_distance_tolerance_m;
+        self.speed_m_s = request.speed_m_s;
+        self.friction_face = request.friction / std::f64::consts::SQRT_2;
+        self.toe_distance_squared = [(distance - tolerance).powi(2), (distance + tolerance).powi(2)];
+        self.bipeds.with_derivatives = true;
+        self.set_variable_bounds(robot, request);
+        self.set_constraint_bounds(request);
+        self.set_objective();
     }
 
     /// Hermite–Simpson points.
@@ -225,9 +235,10 @@ impl DecomposedProgram {
         self.friction_face
     }
 
-    /// The objective's terms: (unknown, weight, centre).
-    pub(crate) fn weights(&self) -> &[(usize, f64, f64)] {
-        &self.weights
+    /// A point's terms of the objective: (unknown, weight, centre).
+    pub(crate) fn weights_of(&self, point: usize) -> &[(usize, f64, f64)] {
+        let each = self.weights.len() / self.points();
+        &self.weights[each * point..each * (point + 1)]
     }
 
     /// s = t / T of a point.
@@ -243,7 +254,10 @@ impl DecomposedProgram {
 
     fn set_variable_bounds(&mut self, robot: &Robot, request: &GaitRequest) {
         let s = &self.settings;
-        let (mut lower, mut upper) = (Vec::new(), Vec::new());
+        let mut lower = std::mem::take(&mut self.bounds.variable_lower);
+        let mut upper = std::mem::take(&mut self.bounds.variable_upper);
+        lower.clear();
+        upper.clear();
         let mut push = |l: &[f64], u: &[f64]| {
             lower.extend_from_slice(l);
             upper.extend_from_slice(u);
@@ -299,7 +313,10 @@ impl DecomposedProgram {
     }
 
     fn set_constraint_bounds(&mut self, request: &GaitRequest) {
-        let (mut lower, mut upper) = (Vec::new(), Vec::new());
+        let mut lower = std::mem::take(&mut self.bounds.constraint_lower);
+        let mut upper = std::mem::take(&mut self.bounds.constraint_upper);
+        lower.clear();
+        upper.clear();
         let last = self.points() - 1;
         let clearance = request.clearance_m;
         let s = &self.settings;
@@ -340,6 +357,7 @@ impl DecomposedProgram {
     /// Σ over the points of ‖q̇_b − (v, 0, 0, 0, 0, 0)‖² + w_u ‖u‖² + w_a ‖q̈_f‖², a sum of weighted squares of single unknowns.
     fn set_objective(&mut self) {
         let s = &self.settings;
+        self.weights.clear();
         for point in 0..s.points {
             let p = at::point(point);
             for i in 0..6 {
@@ -350,7 +368,6 @@ impl DecomposedProgram {
             self.weights.extend((0..6).map(|i| (p + at::U_FRONT + i, s.torque_weight, 0.0)));
             self.weights.extend((0..6).map(|i| (p + at::U_REAR + i, s.torque_weight, 0.0)));
         }
-        self.hessian = Pattern(self.weights.iter().map(|w| (w.0, w.0)).collect());
     }
 
     fn objective(&self, x: &[f64]) -> f64 {

@@ -145,16 +145,23 @@ fn compensated_reference(
     kp: &[f64; JOINTS],
     kd: &[f64; JOINTS],
 ) -> [Coefficients; JOINTS] {
+    // Joints with the same gains share the least-squares problem's matrix.
+    let mut factors: Vec<([f64; 2], nalgebra::SVD<f64, nalgebra::Dyn, nalgebra::Dyn>)> = Vec::new();
     std::array::from_fn(|j| {
-        let matrix = DMatrix::from_fn(points.len(), bezier::DEGREE + 1, |p, k| {
-            let s = points[p].phase;
-            kp[j] * bezier::basis(s)[k] + kd[j] * bezier::basis_first_derivative(s)[k] / step_duration_s
+        let gains = [kp[j], kd[j]];
+        let known = factors.iter().position(|(of, _)| *of == gains).unwrap_or_else(|| {
+            let matrix = DMatrix::from_fn(points.len(), bezier::DEGREE + 1, |p, k| {
+                let s = points[p].phase;
+                kp[j] * bezier::basis(s)[k] + kd[j] * bezier::basis_first_derivative(s)[k] / step_duration_s
+            });
+            factors.push((gains, matrix.svd(true, true)));
+            factors.len() - 1
         });
         let right = nalgebra::DVector::from_fn(points.len(), |p, _| {
             let point = &points[p];
             point.torque_nm[j] + kp[j] * point.q[6 + j] + kd[j] * point.v[6 + j]
         });
-        let solution = matrix.svd(true, true).solve(&right, 1e-12).expect("both factors were asked for");
+        let solution = factors[known].1.solve(&right, 1e-12).expect("both factors were asked for");
         std::array::from_fn(|k| solution[k])
     })
 }

@@ -119,8 +119,8 @@ fn any_odd_number_of_points_converges_to_nearly_the_same_gait() {
     let mut options = PlanOptions::default();
     for (points, tolerance) in [(5, 0.1), (7, 0.05), (9, 0.02), (21, 0.02), (41, 0.02)] {
         options.program.points = points;
-        let (_, solution) =
-            crate::solve(&robot, &request, &options, go_on).unwrap_or_else(|e| panic!("{points} points: {e}"));
+        let solution =
+            Planner::new(&robot).solve(&request, &options, go_on).unwrap_or_else(|e| panic!("{points} points: {e}"));
         assert_eq!(solution.status, Status::Converged, "{points} points");
         // The cost is a sum over the points.
         let mean = solution.objective / points as f64;

@@ -222,26 +222,26 @@ pub fn between_points(robot: &Robot, request: &GaitRequest, gait: &Gait, points:
         let [p0, p1, p2] = three else { unreachable!("windows of three") };
         for part in 0..=2 * FINER {
             let s = part as f64 / (2 * FINER) as f64;
-            // Value at s of the quadratic through three values, and its integral from 0, in units of h.
-            let value = |f: [f64; 3]| {
-                f[0] * (1.0 - s) * (1.0 - 2.0 * s) + 4.0 * f[1] * s * (1.0 - s) + f[2] * s * (2.0 * s - 1.0)
-            };
-            let integral = |f: [f64; 3]| {
-                f[0] * (s - 1.5 * s * s + 2.0 / 3.0 * s.powi(3))
-                    + f[1] * (2.0 * s * s - 4.0 / 3.0 * s.powi(3))
-                    + f[2] * (2.0 / 3.0 * s.powi(3) - 0.5 * s * s)
-            };
-            let q: [f64; 18] = std::array::from_fn(|i| p0.q[i] + h * integral([p0.v[i], p1.v[i], p2.v[i]]));
-            let v: [f64; 18] = std::array::from_fn(|i| p0.v[i] + h * integral([p0.a[i], p1.a[i], p2.a[i]]));
-            let a: [f64; 18] = std::array::from_fn(|i| value([p0.a[i], p1.a[i], p2.a[i]]));
+            // Weights of the three values in the quadratic through them at s and, in units of h, in its integral from 0.
+            let value = [(1.0 - s) * (1.0 - 2.0 * s), 4.0 * s * (1.0 - s), s * (2.0 * s - 1.0)];
+            let integral = [
+                s - 1.5 * s * s + 2.0 / 3.0 * s * s * s,
+                2.0 * s * s - 4.0 / 3.0 * s * s * s,
+                2.0 / 3.0 * s * s * s - 0.5 * s * s,
+            ]
+            .map(|w| h * w);
+            let weighed = |w: [f64; 3], f: [f64; 3]| w[0] * f[0] + w[1] * f[1] + w[2] * f[2];
+            let q: [f64; 18] = std::array::from_fn(|i| p0.q[i] + weighed(integral, [p0.v[i], p1.v[i], p2.v[i]]));
+            let v: [f64; 18] = std::array::from_fn(|i| p0.v[i] + weighed(integral, [p0.a[i], p1.a[i], p2.a[i]]));
+            let a: [f64; 18] = std::array::from_fn(|i| weighed(value, [p0.a[i], p1.a[i], p2.a[i]]));
             let force = |leg: usize| {
-                nalgebra::Vector3::from_fn(|k, _| {
-                    value([p0.ground_force_n[leg][k], p1.ground_force_n[leg][k], p2.ground_force_n[leg][k]])
-                })
+                let of = |k: usize| [p0, p1, p2].map(|p| p.ground_force_n[leg][k]);
+                nalgebra::Vector3::from_fn(|k, _| weighed(value, of(k)))
             };
             let forces = [(robot.legs[1].toe, force(1)), (robot.legs[2].toe, force(2))];
-            let tau = rnea(model, &mut data, &q, &v, &a, &forces).clone();
-            raise(&mut worst.imbalance, tau.rows(0, 6).amax());
+            let all = rnea(model, &mut data, &q, &v, &a, &forces);
+            raise(&mut worst.imbalance, all.rows(0, 6).amax());
+            let tau: [f64; JOINTS] = std::array::from_fn(|j| all[6 + j]);
             let toe = [0, 1, 2, 3].map(|leg| rigid_body::frame_position(model, &data, robot.legs[leg].toe));
             let start = *stood.get_or_insert([toe[1], toe[2]]);
             for (toe, start) in [toe[1], toe[2]].iter().zip(start) {
@@ -258,7 +258,7 @@ pub fn between_points(robot: &Robot, request: &GaitRequest, gait: &Gait, points:
                 raise(&mut worst.joint_range_rad, outside);
                 raise(&mut worst.polynomial_rad, (q[6 + j] - planned[j]).abs());
                 raise(&mut worst.joint_velocity_rad_s, v[6 + j].abs() - robot.limits.velocity_rad_s[k]);
-                raise(&mut worst.torque_nm, tau[6 + j].abs() - request.torque_limit_nm[k]);
+                raise(&mut worst.torque_nm, tau[j].abs() - request.torque_limit_nm[k]);
             }
             for (_, f) in forces {
                 let needed = f.x.abs().max(f.y.abs()) - face * f.z;
