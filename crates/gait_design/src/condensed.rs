@@ -150,9 +150,11 @@ impl Default for PointForces {
 pub struct Condensed {
     rows: Vec<PointRows>,
     outputs: Vec<Motion<OUTPUTS, Own8>>,
-    wide: Vec<Motion<7, Affine>>,
-    narrow: Vec<Motion<7, Reduced>>,
-    motion: Vec<Motion<DOF, Reduced>>,
+    /// The unknown coordinates at both ends as functions of all inputs.
+    ends: [Motion<7, Affine>; 2],
+    /// Prescribed and unknown coordinates at every point as functions of the free inputs.
+    prescribed: Vec<Motion<OUTPUTS, Reduced>>,
+    unknown: Vec<Motion<7, Reduced>>,
     forces: Vec<PointForces>,
     qp: ArrowQp<WIDTH>,
     solver: DualActiveSet<WIDTH>,
@@ -197,7 +199,8 @@ impl Condensed {
         // Along the step twice: once for what the ends need, with all inputs, once more with what the ends leave free. The
         // second time costs less than substituting would.
         let (rows, outputs) = (&self.rows, &self.outputs);
-        move_along(program, x, constraints, rows, &units(), &mut self.wide, |point, right| {
+        let (last, ends) = (program.points() - 1, &mut self.ends);
+        let subtract_outputs = |point: usize, right: &mut [Affine]| {
             for i in prescribed() {
                 let first = coefficients(i);
                 for (right, c) in right.iter_mut().zip(outputs[point].felt(&rows[point], i)) {
@@ -208,27 +211,29 @@ impl Condensed {
                     right[SHIFTS] -= c[COEFFICIENTS + 1];
                 }
             }
+        };
+        move_along(program, x, constraints, rows, &units(), subtract_outputs, |point, motion| {
+            if point == 0 || point == last {
+                ends[usize::from(point > 0)].clone_from(motion);
+            }
         })?;
         let (free, inputs) = self.tie_ends(program, x, constraints)?;
         self.spread_outputs(&inputs);
-        let (rows, motion) = (&self.rows, &self.motion);
-        move_along(program, x, constraints, rows, &inputs, &mut self.narrow, |point, right| {
+        let (rows, prescribed_motion, unknown) = (&self.rows, &self.prescribed, &mut self.unknown);
+        let subtract_outputs = |point: usize, right: &mut [Reduced]| {
+            let (c, motion) = (&rows[point], &prescribed_motion[point]);
             for (r, right) in right.iter_mut().enumerate() {
-                let c = &rows[point];
-                for i in prescribed().map(|i| 6 + i) {
-                    add(right, -c.q[r][i], &motion[point].q[i]);
-                    add(right, -c.v[r][i], &motion[point].v[i]);
-                    add(right, -c.a[r][i], &motion[point].a[i]);
+                for i in prescribed() {
+                    add(right, -c.q[r][6 + i], &motion.q[i]);
+                    add(right, -c.v[r][6 + i], &motion.v[i]);
+                    add(right, -c.a[r][6 + i], &motion.a[i]);
                 }
             }
-        })?;
-        for (all, unknown) in self.motion.iter_mut().zip(&self.narrow) {
-            for (k, i) in UNKNOWN.into_iter().enumerate() {
-                (all.q[i], all.v[i], all.a[i]) = (unknown.q[k], unknown.v[k], unknown.a[k]);
-            }
-        }
+        };
+        unknown.clear();
+        move_along(program, x, constraints, rows, &inputs, subtract_outputs, |_, motion| unknown.push(motion.clone()))?;
         self.find_forces(program, constraints);
-        let roll = stance_roll_coefficients(program, x, constraints, &self.motion, &inputs)?;
+        let roll = stance_roll_coefficients(program, x, constraints, &self.unknown, &inputs)?;
         self.assemble(program, x, constraints, free, &inputs, &roll);
         self.solver.solve(&self.qp).map_err(|e| match e {
             ArrowQpError::Infeasible { .. } => SubproblemError::Infeasible,
@@ -319,7 +324,7 @@ impl Condensed {
     ) -> Result<(usize, [Reduced; INPUTS]), SubproblemError> {
         const CONSTANT: usize = 47;
         let last = program.points() - 1;
-        let end = |point: usize| {
+        let end = |point: usize, ends: &Motion<7, Affine>| {
             let mut motion: Motion<DOF, EndRow> = Motion::default();
             let widen = |from: &Affine| {
                 let mut row = [0.0; 48];
@@ -328,7 +333,7 @@ impl Condensed {
                 row
             };
             for (k, i) in UNKNOWN.into_iter().enumerate() {
-                (motion.q[i], motion.v[i]) = (widen(&self.wide[point].q[k]), widen(&self.wide[point].v[k]));
+                (motion.q[i], motion.v[i]) = (widen(&ends.q[k]), widen(&ends.v[k]));
             }
             // The base starts elsewhere or drifts; where along x the step begins is nobody's choice.
             let elapsed = program.phase(point) * x[at::T];
@@ -350,7 +355,8 @@ impl Condensed {
             }
             motion
         };
-        let (first, last, d0, d1) = (end(0), end(last), program.dynamics(0), program.dynamics(last));
+        let (first, last, d0, d1) =
+            (end(0, &self.ends[0]), end(last, &self.ends[1]), program.dynamics(0), program.dynamics(last));
         let mut e = [[0.0; 48]; END_ROWS];
         let start = program.start_of_first();
         for (row, toe, residual) in [(0, &d0.front.stance, g[start + 12]), (1, &d0.rear.stance, g[start + 13])] {
@@ -436,8 +442,8 @@ impl Condensed {
     /// The prescribed outputs' motion as functions of the free inputs.
     #[inline(always)]
     fn spread_outputs(&mut self, inputs: &[Reduced; INPUTS]) {
-        self.motion.resize(self.outputs.len(), Motion::default());
-        for (to, from) in self.motion.iter_mut().zip(&self.outputs) {
+        self.prescribed.resize(self.outputs.len(), Motion::default());
+        for (to, from) in self.prescribed.iter_mut().zip(&self.outputs) {
             for i in prescribed() {
                 let inputs_of = &inputs[coefficients(i)..coefficients(i) + COEFFICIENTS];
                 let spread = |own: &Own8| {
@@ -449,9 +455,9 @@ impl Condensed {
                     add(&mut row, own[COEFFICIENTS], &inputs[STEP_DURATION]);
                     row
                 };
-                to.q[6 + i] = spread(&from.q[i]);
-                to.v[6 + i] = spread(&from.v[i]);
-                to.a[6 + i] = spread(&from.a[i]);
+                to.q[i] = spread(&from.q[i]);
+                to.v[i] = spread(&from.v[i]);
+                to.a[i] = spread(&from.a[i]);
             }
         }
     }
@@ -459,19 +465,19 @@ impl Condensed {
     /// Part 3: forces and torques of every point in terms of the free inputs and the internal forces.
     #[inline(always)]
     fn find_forces(&mut self, program: &DecomposedProgram, g: &[f64]) {
-        self.forces.resize(self.motion.len(), PointForces::default());
-        for (point, (m, out)) in self.motion.iter().zip(&mut self.forces).enumerate() {
+        self.forces.resize(self.unknown.len(), PointForces::default());
+        for (point, (m, out)) in along(&self.unknown, &self.prescribed).zip(&mut self.forces).enumerate() {
             let d = program.dynamics(point);
             let g = &g[rows::COUNT * point..rows::COUNT * (point + 1)];
             // Both bipeds' base rows: J_1bᵀ δλ1 + J_2bᵀ δλ2 = net, with J_b = [I K].
             let net: [Reduced; 6] = std::array::from_fn(|r| {
                 let mut sum = [0.0; WIDTH];
                 for i in TURNING {
-                    add(&mut sum, d.front.dtau_dq[(r, i)] + d.rear.dtau_dq[(r, i)], &m.q[i]);
-                    add(&mut sum, d.front.dtau_dv[(r, i)] + d.rear.dtau_dv[(r, i)], &m.v[i]);
+                    add(&mut sum, d.front.dtau_dq[(r, i)] + d.rear.dtau_dq[(r, i)], m.q(i));
+                    add(&mut sum, d.front.dtau_dv[(r, i)] + d.rear.dtau_dv[(r, i)], m.v(i));
                 }
                 for i in 0..DOF {
-                    add(&mut sum, d.front.mass_matrix[(r, i)] + d.rear.mass_matrix[(r, i)], &m.a[i]);
+                    add(&mut sum, d.front.mass_matrix[(r, i)] + d.rear.mass_matrix[(r, i)], m.a(i));
                 }
                 sum[FREE_MAX] += g[rows::FRONT + r] + g[rows::REAR_BASE + r];
                 sum
@@ -502,11 +508,11 @@ impl Condensed {
             let torque = |biped: &BipedDynamics, r: usize, own: Range<usize>, residual: f64| {
                 let mut sum = [0.0; WIDTH];
                 for i in (3..6).chain(own.clone()) {
-                    add(&mut sum, biped.dtau_dq[(6 + r, i)], &m.q[i]);
-                    add(&mut sum, biped.dtau_dv[(6 + r, i)], &m.v[i]);
+                    add(&mut sum, biped.dtau_dq[(6 + r, i)], m.q(i));
+                    add(&mut sum, biped.dtau_dv[(6 + r, i)], m.v(i));
                 }
                 for i in (0..6).chain(own) {
-                    add(&mut sum, biped.mass_matrix[(6 + r, i)], &m.a[i]);
+                    add(&mut sum, biped.mass_matrix[(6 + r, i)], m.a(i));
                 }
                 sum[FREE_MAX] += residual;
                 sum
@@ -560,17 +566,17 @@ impl Condensed {
             }
         }
         variable(&inputs[STEP_DURATION], NONE, at::T);
-        for (index, (motion, forces)) in self.motion.iter().zip(&self.forces).enumerate() {
+        for (index, (motion, forces)) in along(&self.unknown, &self.prescribed).zip(&self.forces).enumerate() {
             let base = at::point(index);
             for i in 0..6 {
                 variable(&forces.front_torque[i], (index, forces.front_internal[i]), base + at::U_FRONT + i);
                 variable(&forces.rear_torque[i], (index, forces.rear_internal[i]), base + at::U_REAR + i);
             }
             for i in 1..DOF {
-                variable(&motion.q[i], NONE, base + at::Q + i);
+                variable(motion.q(i), NONE, base + at::Q + i);
             }
             for i in 6..DOF {
-                variable(&motion.v[i], NONE, base + at::V + i);
+                variable(motion.v(i), NONE, base + at::V + i);
             }
             variable(&forces.lambda_1[2], (index, -forces.direction.z), base + at::LAMBDA_1 + 2);
             variable(&forces.lambda_2[2], (index, forces.direction.z), base + at::LAMBDA_2 + 2);
@@ -580,14 +586,15 @@ impl Condensed {
         };
         let stance_distance = program.start_of_first() + 14;
         let mut distance = [0.0; WIDTH];
+        let first = Along { unknown: &self.unknown[0], prescribed: &self.prescribed[0] };
         let (toe_2, toe_1) = (&program.dynamics(0).front.stance, &program.dynamics(0).rear.stance);
         for i in 0..DOF {
             let apart = toe_2.jacobian.column(i) - toe_1.jacobian.column(i);
-            add(&mut distance, 2.0 * apart.dot(&(toe_2.position - toe_1.position)), &self.motion[0].q[i]);
+            add(&mut distance, 2.0 * apart.dot(&(toe_2.position - toe_1.position)), first.q(i));
         }
         constraint(&distance, NONE, stance_distance);
         let face = program.friction_face();
-        for (index, (motion, forces)) in self.motion.iter().zip(&self.forces).enumerate() {
+        for (index, (motion, forces)) in along(&self.unknown, &self.prescribed).zip(&self.forces).enumerate() {
             let r = rows::COUNT * index;
             for (toe, (lambda, sign)) in [(&forces.lambda_1, -1.0), (&forces.lambda_2, 1.0)].into_iter().enumerate() {
                 let share = sign * forces.direction;
@@ -605,7 +612,7 @@ impl Condensed {
                 let mut row = [0.0; WIDTH];
                 // Leg 3 follows leg 0.
                 for i in 2..9 {
-                    add(&mut row, toe.jacobian[(2, i)], &motion.q[i]);
+                    add(&mut row, toe.jacobian[(2, i)], motion.q(i));
                 }
                 constraint(&row, NONE, r + rows::SWING + k);
             }
@@ -614,7 +621,7 @@ impl Condensed {
         // Σ w (x + δ − c)²: the constant part of a row becomes its residual, so that one product gives Hessian and gradient.
         let mut hessian = [[0.0; WIDTH]; WIDTH];
         qp.own.clear();
-        for (index, (motion, forces)) in self.motion.iter().zip(&self.forces).enumerate() {
+        for (index, (motion, forces)) in along(&self.unknown, &self.prescribed).zip(&self.forces).enumerate() {
             let mut own = Own { coupling: [0.0; WIDTH], hessian: 0.0, gradient: 0.0 };
             let mut terms = [(0.0, [0.0; WIDTH]); 6 + DOF + 12];
             let weights = program.weights_of(index);
@@ -622,8 +629,8 @@ impl Condensed {
             for (term, &(i, weight, centre)) in terms.iter_mut().zip(weights) {
                 let place = i - at::point(index);
                 let (row, share) = match place {
-                    at::V..at::A => (&motion.v[place - at::V], 0.0),
-                    at::A..at::U_FRONT => (&motion.a[place - at::A], 0.0),
+                    at::V..at::A => (motion.v(place - at::V), 0.0),
+                    at::A..at::U_FRONT => (motion.a(place - at::A), 0.0),
                     at::U_FRONT..at::LAMBDA_1 => {
                         (&forces.front_torque[place - at::U_FRONT], forces.front_internal[place - at::U_FRONT])
                     }
@@ -680,13 +687,13 @@ impl Condensed {
             }
         }
         p[at::T] = of(&inputs[STEP_DURATION]);
-        for (index, (motion, forces)) in self.motion.iter().zip(&self.forces).enumerate() {
+        for (index, (motion, forces)) in along(&self.unknown, &self.prescribed).zip(&self.forces).enumerate() {
             let internal = self.solver.own[index];
             let p = &mut p[at::point(index)..at::point(index + 1)];
             for i in 0..DOF {
-                p[at::Q + i] = of(&motion.q[i]);
-                p[at::V + i] = of(&motion.v[i]);
-                p[at::A + i] = of(&motion.a[i]);
+                p[at::Q + i] = of(motion.q(i));
+                p[at::V + i] = of(motion.v(i));
+                p[at::A + i] = of(motion.a(i));
             }
             for i in 0..3 {
                 p[at::LAMBDA_1 + i] = of(&forces.lambda_1[i]) - internal * forces.direction[i];
@@ -712,6 +719,46 @@ impl Condensed {
             }
         }
         p
+    }
+}
+
+/// All coordinates of a point.
+#[derive(Clone, Copy)]
+struct Along<'a> {
+    unknown: &'a Motion<7, Reduced>,
+    prescribed: &'a Motion<OUTPUTS, Reduced>,
+}
+
+fn along<'a>(
+    unknown: &'a [Motion<7, Reduced>],
+    prescribed: &'a [Motion<OUTPUTS, Reduced>],
+) -> impl Iterator<Item = Along<'a>> {
+    unknown.iter().zip(prescribed).map(|(unknown, prescribed)| Along { unknown, prescribed })
+}
+
+impl<'a> Along<'a> {
+    #[inline(always)]
+    fn of(i: usize, unknown: &'a [Reduced; 7], prescribed: &'a [Reduced; OUTPUTS]) -> &'a Reduced {
+        match i {
+            0..6 => &unknown[i],
+            _ if i == 6 + STANCE_ROLL => &unknown[6],
+            _ => &prescribed[i - 6],
+        }
+    }
+
+    #[inline(always)]
+    fn q(&self, i: usize) -> &'a Reduced {
+        Self::of(i, &self.unknown.q, &self.prescribed.q)
+    }
+
+    #[inline(always)]
+    fn v(&self, i: usize) -> &'a Reduced {
+        Self::of(i, &self.unknown.v, &self.prescribed.v)
+    }
+
+    #[inline(always)]
+    fn a(&self, i: usize) -> &'a Reduced {
+        Self::of(i, &self.unknown.a, &self.prescribed.a)
     }
 }
 
@@ -788,7 +835,8 @@ impl<'a> Interval<'a> {
 }
 
 /// Part 1: q, q̇, q̈ of the unknown coordinates at every point, as affine functions of whatever the inputs are functions of.
-/// `subtract_outputs` takes what the prescribed outputs add to a point's rows from their right-hand sides.
+/// `subtract_outputs` takes what the prescribed outputs add to a point's rows from their right-hand sides; `each` gets the
+/// points one after the other.
 #[inline(always)]
 fn move_along<const N: usize>(
     program: &DecomposedProgram,
@@ -796,12 +844,13 @@ fn move_along<const N: usize>(
     g: &[f64],
     rows: &[PointRows],
     inputs: &[[f64; N]; INPUTS],
-    motion: &mut Vec<Motion<7, [f64; N]>>,
     subtract_outputs: impl Fn(usize, &mut [[f64; N]]),
+    mut each: impl FnMut(usize, &Motion<7, [f64; N]>),
 ) -> Result<(), SubproblemError> {
     let constant = N - 1;
     let duration = &inputs[STEP_DURATION];
-    motion.resize(program.points(), Motion::default());
+    // An interval's three points; the last is the next one's first.
+    let [mut start, mut middle, mut end]: [Motion<7, [f64; N]>; 3] = Default::default();
     let right_hand_side = |point: usize, motion: &Motion<7, [f64; N]>, right: &mut [[f64; N]]| {
         let c = &rows[point];
         for (r, right) in right.iter_mut().enumerate() {
@@ -816,7 +865,7 @@ fn move_along<const N: usize>(
         subtract_outputs(point, right);
     };
 
-    let first = &mut motion[0];
+    let first = &mut start;
     first.q[0] = [0.0; N];
     first.q[0][constant] = -x[at::point(0) + at::Q];
     first.q[1..3].copy_from_slice(&inputs[SHIFTS..STRAIGHT_RATES]);
@@ -830,15 +879,12 @@ fn move_along<const N: usize>(
     right_hand_side(0, first, &mut right);
     solve_square(&mut matrix, &mut right)?;
     first.a = right;
+    each(0, &start);
 
     for interval in 0..program.points() / 2 {
         let hs = Interval::new(program, x, g, interval);
         let h = hs.h;
         let p1 = 2 * interval + 1;
-        let (before, after) = motion.split_at_mut(p1);
-        let (start, [middle, end]) = (&before[p1 - 1], &mut after[..2]) else {
-            unreachable!("an interval has three points")
-        };
         // With the unknown accelerations 0 at first.
         for (k, i) in UNKNOWN.into_iter().enumerate() {
             let (q0, v0, a0) = (&start.q[k], &start.v[k], &start.a[k]);
@@ -879,8 +925,8 @@ fn move_along<const N: usize>(
             }
         }
         let (of_middle, of_end) = right.split_at_mut(7);
-        right_hand_side(p1, middle, of_middle);
-        right_hand_side(p1 + 1, end, of_end);
+        right_hand_side(p1, &middle, of_middle);
+        right_hand_side(p1 + 1, &end, of_end);
         solve_square(&mut matrix, &mut right)?;
         for k in 0..7 {
             let (a1, a2) = (&right[k], &right[7 + k]);
@@ -894,6 +940,9 @@ fn move_along<const N: usize>(
             add(&mut end.v[k], h / 6.0, a2);
             add(&mut end.q[k], h * h / 3.0, a1);
         }
+        each(p1, &middle);
+        each(p1 + 1, &end);
+        std::mem::swap(&mut start, &mut end);
     }
     Ok(())
 }
@@ -950,7 +999,7 @@ fn stance_roll_coefficients(
     program: &DecomposedProgram,
     x: &[f64],
     g: &[f64],
-    motion: &[Motion<DOF, Reduced>],
+    unknown: &[Motion<7, Reduced>],
     inputs: &[Reduced; INPUTS],
 ) -> Result<[Reduced; COEFFICIENTS], SubproblemError> {
     let t = x[at::T];
@@ -959,16 +1008,16 @@ fn stance_roll_coefficients(
     let mut matrix = [[0.0; COEFFICIENTS]; COEFFICIENTS];
     let mut right = [[0.0; WIDTH]; COEFFICIENTS];
     matrix[0] = bezier::basis(0.0);
-    right[0] = motion[0].q[coordinate];
+    right[0] = unknown[0].q[6];
     right[0][FREE_MAX] += g[start + STANCE_ROLL];
     matrix[1] = bezier::basis_first_derivative(0.0);
-    right[1] = scaled(&motion[0].v[coordinate], t);
+    right[1] = scaled(&unknown[0].v[6], t);
     add(&mut right[1], x[at::point(0) + at::V + coordinate], &inputs[STEP_DURATION]);
     right[1][FREE_MAX] += g[start + 6 + STANCE_ROLL];
     let kept = (0..program.points()).filter(|&p| program.keeps_stance_roll(p));
     for (row, point) in (2..).zip(kept) {
         matrix[row] = bezier::basis_second_derivative(program.phase(point));
-        right[row] = scaled(&motion[point].a[coordinate], t * t);
+        right[row] = scaled(&unknown[point].a[6], t * t);
         let acceleration = x[at::point(point) + at::A + coordinate];
         add(&mut right[row], 2.0 * t * acceleration, &inputs[STEP_DURATION]);
         right[row][FREE_MAX] += g[rows::COUNT * point + rows::OUTPUT + STANCE_ROLL];
