@@ -2,8 +2,13 @@
 //!
 //! bench_planner times | memory | library GAITS THREADS
 
+use decomposition::Pairing;
 use gait_design::library::{Axis, Field, Grid, Library};
-use gait_design::{GaitRequest, PlanOptions, Planner, SubproblemSolver, behaviours, plan, plan_full_order};
+use gait_design::{
+    BipedPair, Condensed, DecomposedProgram, GaitRequest, PlanOptions, Planner, ProgramSettings, SubproblemSolver,
+    behaviours, nominal, plan, plan_full_order,
+};
+use nlp::{Evaluation, Problem, Subproblem};
 use robot::Robot;
 use std::hint::black_box;
 use std::ops::ControlFlow;
@@ -93,7 +98,7 @@ fn times(robot: &Robot) {
     };
     let mut before = replan(&request, &PlanOptions::default());
     let (mut faster, mut higher) = (true, true);
-    let mut replans = Vec::new();
+    let (mut replans, mut iterations) = (Vec::new(), 0);
     for number in 0..1000 {
         if number % 2 == 0 {
             faster = if request.speed_m_s > 0.45 { false } else { request.speed_m_s < 0.15 || faster };
@@ -105,10 +110,12 @@ fn times(robot: &Robot) {
         let options = PlanOptions { warm_start: Some(before.warm_start.clone()), ..PlanOptions::default() };
         let start = Instant::now();
         before = black_box(replan(black_box(&request), &options));
+        iterations += before.gait.solver.iterations;
         replans.push(1e3 * start.elapsed().as_secs_f64());
     }
     let worst = replans.iter().copied().fold(0.0, f64::max);
     println!("warm_median_ms = {:.3}", median(replans));
+    println!("warm_iterations_mean = {:.2}", f64::from(iterations) / 1000.0);
     println!("warm_worst_ms = {worst:.3}");
 
     let amble = GaitRequest::named("amble", robot).expect("a behaviour's own name");
@@ -123,6 +130,41 @@ fn times(robot: &Robot) {
         median(times.collect())
     };
     println!("points_81_over_11 = {:.2}", of_points(81) / of_points(11));
+    parts(robot);
+}
+
+/// Where the time of a solve goes: the median of each part, µs.
+fn parts(robot: &Robot) {
+    let request = GaitRequest::named("amble", robot).expect("a behaviour's own name");
+    let new_program = || {
+        let bipeds = BipedPair::new(robot, Pairing::diagonal(robot.mirror.joint_sign)).expect("the Vision 60 splits");
+        DecomposedProgram::new(robot, bipeds, &request, ProgramSettings::default())
+    };
+    let microseconds = |part: &mut dyn FnMut()| {
+        let times = (0..400).map(|_| {
+            let start = Instant::now();
+            part();
+            1e6 * start.elapsed().as_secs_f64()
+        });
+        median(times.collect())
+    };
+    println!("set_up_us = {:.1}", microseconds(&mut || drop(black_box(new_program()))));
+    let mut program = new_program();
+    let mut start = || nominal(robot, &mut program, &request).expect("the Vision 60 reaches its own gait");
+    println!("guess_us = {:.1}", microseconds(&mut || drop(black_box(start()))));
+    let x = start();
+    let mut at = Evaluation::new(&program);
+    println!("evaluation_us = {:.1}", microseconds(&mut || program.evaluate(black_box(&x), &mut at)));
+    let mut condensed = Condensed::default();
+    let mut step = || condensed.solve(&program, black_box(&x), &at, &at.constraints).expect("the first step exists");
+    println!("subproblem_us = {:.1}", microseconds(&mut || drop(black_box(step()))));
+    let gait = solve(robot, &request, &PlanOptions::default());
+    println!(
+        "check_us = {:.1}",
+        microseconds(&mut || {
+            black_box(gait_design::between_points(robot, &request, &gait.gait, &gait.points));
+        })
+    );
 }
 
 /// The largest resident memory of this process after it has planned the five gaits.

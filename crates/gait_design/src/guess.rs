@@ -20,12 +20,12 @@ pub struct Unreachable {
     outward_m: f64,
 }
 
-/// The vector of unknowns to start from.
-pub(crate) fn nominal(
-    robot: &Robot,
-    program: &mut DecomposedProgram,
-    request: &GaitRequest,
-) -> Result<Vec<f64>, Unreachable> {
+/// The vector of unknowns that a program's solve starts from without another solution.
+///
+/// # Errors
+///
+/// If a leg cannot reach a toe's place.
+pub fn nominal(robot: &Robot, program: &mut DecomposedProgram, request: &GaitRequest) -> Result<Vec<f64>, Unreachable> {
     let points = program.points();
     let t = request.step_duration_s;
     let length = request.speed_m_s * t;

@@ -26,7 +26,7 @@ mod verification;
 pub use biped::BipedPair;
 pub use condensed::Condensed;
 pub use full_order::{FullOrderProgram, plan_full_order};
-pub use guess::Unreachable;
+pub use guess::{Unreachable, nominal};
 pub use nearest::{Changed, Nearest, Refusal, nearest, plan_or_nearest};
 pub use planner::Planner;
 pub use program::{DecomposedProgram, ProgramSettings};
