@@ -1,0 +1,151 @@
+//! The ends of the step: mirror periodicity, soft touchdown and the toes' start on the floor, as rows on the inputs.
+
+use super::*;
+
+/// Rows that tie both ends of the step.
+const END_ROWS: usize = 30;
+/// An end row whose largest entry is below this, relative to where it began, repeats the others.
+const REPEATED: f64 = 1e-9;
+/// An end row: the inputs' coefficients, zeros that round the length up to vector registers, the constant.
+type EndRow = [f64; 48];
+
+impl Condensed {
+    /// Part 2: how many numbers the end rows leave free, and the inputs as affine functions of them.
+    #[inline(always)]
+    pub(super) fn tie_ends(
+        &self,
+        program: &DecomposedProgram,
+        x: &[f64],
+        g: &[f64],
+    ) -> Result<(usize, [Reduced; INPUTS]), SubproblemError> {
+        const CONSTANT: usize = 47;
+        let last = program.points() - 1;
+        let end = |point: usize, ends: &Motion<7, Affine>| {
+            let mut motion: Motion<DOF, EndRow> = Motion::default();
+            let widen = |from: &Affine| {
+                let mut row = [0.0; 48];
+                row[..SHIFTS].copy_from_slice(&from[..SHIFTS]);
+                row[CONSTANT] = from[SHIFTS];
+                row
+            };
+            for (k, i) in UNKNOWN.into_iter().enumerate() {
+                (motion.q[i], motion.v[i]) = (widen(&ends.q[k]), widen(&ends.v[k]));
+            }
+            // The base starts elsewhere or drifts; where along x the step begins is nobody's choice.
+            let elapsed = program.phase(point) * x[at::T];
+            for axis in 0..3 {
+                if axis > 0 {
+                    motion.q[axis][SHIFTS + axis - 1] = 1.0;
+                }
+                motion.q[axis][STRAIGHT_RATES + axis] = elapsed;
+                motion.v[axis][STRAIGHT_RATES + axis] = 1.0;
+            }
+            for i in prescribed() {
+                let own = &self.outputs[point];
+                for (to, from) in [(&mut motion.q[6 + i], &own.q[i]), (&mut motion.v[6 + i], &own.v[i])] {
+                    let first = coefficients(i);
+                    to[first..first + COEFFICIENTS].copy_from_slice(&from[..COEFFICIENTS]);
+                    to[STEP_DURATION] = from[COEFFICIENTS];
+                    to[CONSTANT] = from[COEFFICIENTS + 1];
+                }
+            }
+            motion
+        };
+        let (first, last, d0, d1) =
+            (end(0, &self.ends[0]), end(last, &self.ends[1]), program.dynamics(0), program.dynamics(last));
+        let mut e = [[0.0; 48]; END_ROWS];
+        let start = program.start_of_first();
+        for (row, toe, residual) in [(0, &d0.front.stance, g[start + 12]), (1, &d0.rear.stance, g[start + 13])] {
+            for i in 0..DOF {
+                add(&mut e[row], toe.jacobian[(2, i)], &first.q[i]);
+            }
+            e[row][CONSTANT] += residual;
+        }
+        let start = program.start_of_boundary();
+        for i in 0..DOF {
+            let (from, sign) = program.mirror(i);
+            let row = &mut e[2 + i];
+            add(row, 1.0, &last.q[i]);
+            add(row, -sign, &first.q[from]);
+            row[CONSTANT] += g[start + i];
+            let row = &mut e[14 + i];
+            add(row, sign, &first.v[from]);
+            add(row, -1.0, &last.v[i]);
+            row[CONSTANT] += g[start + 12 + i];
+        }
+        e[2][STEP_DURATION] -= program.speed_m_s();
+        for (row, toe, axis) in
+            [(26, &d1.front.swing, 0), (27, &d1.front.swing, 1), (28, &d1.front.swing, 2), (29, &d1.rear.swing, 2)]
+        {
+            for i in 0..DOF {
+                add(&mut e[row], toe.dvelocity_dq[(axis, i)], &last.q[i]);
+                add(&mut e[row], toe.jacobian[(axis, i)], &last.v[i]);
+            }
+            e[row][CONSTANT] += g[start + row - 2];
+        }
+
+        // Gauss with complete pivoting, then the pivots' inputs from the last back to the first.
+        let mut pivots: Vec<(usize, usize)> = Vec::with_capacity(END_ROWS);
+        let mut waiting: Vec<usize> = (0..END_ROWS).collect();
+        let size = e.iter().map(largest).fold(1.0, f64::max);
+        while !waiting.is_empty() {
+            let (mut place, mut best) = (0, 0.0);
+            for (k, &r) in waiting.iter().enumerate() {
+                let size = largest(&e[r]);
+                if size > best {
+                    (place, best) = (k, size);
+                }
+            }
+            if best.is_nan() || best <= REPEATED * size {
+                // Rows that repeat the others; what is left of their residual is for the next iteration to see.
+                break;
+            }
+            let row = waiting.swap_remove(place);
+            let column = e[row].iter().position(|v| v.abs() == best).expect("the largest entry is one of them");
+            pivots.push((row, column));
+            e[row] = scaled(&e[row], 1.0 / e[row][column]);
+            let pivot = e[row];
+            for &r in &waiting {
+                let factor = e[r][column];
+                if factor != 0.0 {
+                    add(&mut e[r], -factor, &pivot);
+                    e[r][column] = 0.0;
+                }
+            }
+        }
+        let free: Vec<usize> = (0..INPUTS).filter(|c| pivots.iter().all(|p| p.1 != *c)).collect();
+        if free.len() > FREE_MAX {
+            return Err(SubproblemError::Stopped(format!("{} of {END_ROWS} end rows repeat others", free.len() - 14)));
+        }
+        let mut inputs = [[0.0; WIDTH]; INPUTS];
+        for (k, &input) in free.iter().enumerate() {
+            inputs[input][k] = 1.0;
+        }
+        for (done, &(row, column)) in pivots.iter().enumerate().rev() {
+            let mut input = [0.0; WIDTH];
+            for (k, &f) in free.iter().enumerate() {
+                input[k] = -e[row][f];
+            }
+            input[FREE_MAX] = -e[row][CONSTANT];
+            for &(_, later) in &pivots[done + 1..] {
+                add(&mut input, -e[row][later], &inputs[later]);
+            }
+            inputs[column] = input;
+        }
+        Ok((free.len(), inputs))
+    }
+}
+
+/// The largest entry of a row among the inputs, without its sign.
+#[inline(always)]
+fn largest(row: &EndRow) -> f64 {
+    // Lane by lane first: one comparison after the other would take longer than the elimination.
+    let (fours, _) = row[..INPUTS].as_chunks::<4>();
+    let mut lanes = [0.0_f64; 4];
+    for four in fours {
+        for (lane, value) in lanes.iter_mut().zip(four) {
+            *lane = if value.abs() > *lane { value.abs() } else { *lane };
+        }
+    }
+    lanes.into_iter().fold(0.0, f64::max)
+}
