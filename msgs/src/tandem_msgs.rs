@@ -31,13 +31,12 @@ messages! { "tandem_msgs";
         header: Header,
         /// Cycles since the start, from 1.
         index: u64,
-        /// Whether the step saw a joint state.
+        /// Whether the step saw a joint state: the `JointState` recorded last.
         state_seen: bool,
-        /// The stamp of the recorded `JointState` that it saw, ns.
-        state_stamp_ns: u64,
-        /// When each joint's values arrived on the controller's clock, ns; 12 entries, or 1 where all are the same, or none
-        /// without a state.
-        state_arrived_ns: Vec<u64>,
+        /// That state's stamp is this message's less this age, ns.
+        state_age_ns: i64,
+        /// Time since each joint's values arrived, ns; 12 entries, or 1 where all are the same, or none without a state.
+        state_arrival_age_ns: Vec<i64>,
         /// 12 entries, degrees Celsius; none where drives do not report it.
         state_temperature_c: Vec<f64>,
         /// 12 entries, or none where all are 0 (no error).

@@ -54,7 +54,7 @@ impl Default for RecorderOptions {
             queue_bytes: 8 << 20,
             when_full: WhenFull::Drop,
             flush_interval: Duration::from_millis(500),
-            chunk_bytes: 256 << 10,
+            chunk_bytes: 1 << 20,
             compression_level: 1,
             split_bytes: None,
             split_duration: None,
@@ -130,6 +130,8 @@ enum Order {
 pub(crate) struct Shared {
     topics: Mutex<Vec<Arc<TopicShared>>>,
     queued_bytes: AtomicUsize,
+    /// Messages that `push` did not take.
+    dropped: AtomicU64,
     closed: AtomicBool,
     fault: OnceLock<String>,
 }
@@ -194,6 +196,8 @@ pub struct RecorderStatus {
     pub offered: u64,
     /// Messages known to be on disk.
     pub written: u64,
+    /// Messages that were not taken so far.
+    pub dropped: u64,
     /// Bytes that wait for the disk.
     pub queued_bytes: usize,
     /// Why recording stopped by itself; `None` while it goes on.
@@ -323,8 +327,12 @@ impl Recorder {
     /// dropped, because the queue is full or recording stopped, and counted as such.
     pub fn push(&self, topic: &Topic, stamp_ns: u64, cdr: impl Into<Vec<u8>>) -> bool {
         topic.0.offered.fetch_add(1, Ordering::Relaxed);
+        let drop_it = || {
+            self.shared.dropped.fetch_add(1, Ordering::Relaxed);
+            false
+        };
         if self.shared.closed.load(Ordering::Acquire) || self.shared.fault.get().is_some() {
-            return false;
+            return drop_it();
         }
         let mut cdr = cdr.into();
         loop {
@@ -334,7 +342,7 @@ impl Recorder {
                     std::thread::sleep(Duration::from_micros(200));
                     cdr = returned;
                 }
-                Err(_) => return false,
+                Err(_) => return drop_it(),
             }
         }
     }
@@ -375,6 +383,7 @@ impl Recorder {
         RecorderStatus {
             offered: topics.iter().map(|topic| topic.offered.load(Ordering::Relaxed)).sum(),
             written: topics.iter().map(|topic| topic.written.load(Ordering::Relaxed)).sum(),
+            dropped: self.shared.dropped.load(Ordering::Relaxed),
             queued_bytes: self.shared.queued_bytes.load(Ordering::Relaxed),
             fault: self.shared.fault.get().cloned(),
         }

@@ -1050,7 +1050,7 @@ impl Controller {
         self.command = match (self.mode, self.joints.is_some()) {
             (Mode::Disarmed, _) => JointCommand::LIMP,
             (mode, true) if mode.is_moving() => {
-                // The first cycle has no last one; the limits on change then count one period.
+                // The first cycle has no last one; the limit on the torque's growth then counts one period.
                 let dt_s = dt_s.clamp(self.config.control_period_s, self.config.overrun_s);
                 let (mut command, torque) = self.limiter.apply(self.setpoint(now).to_resolution(), &q, &v, dt_s);
                 torque_nm = torque;

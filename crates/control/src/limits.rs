@@ -9,6 +9,7 @@ pub(crate) struct Limiter {
     position_max_rad: [f64; JOINTS],
     soft_stop_rad: f64,
     velocity_rad_s: [f64; JOINTS],
+    period_s: f64,
     torque_nm: [f64; JOINTS],
     torque_rate_nm_s: f64,
     damping_kd: [f64; JOINTS],
@@ -43,6 +44,7 @@ impl Limiter {
             position_max_rad: c.position_max_rad,
             soft_stop_rad: c.soft_stop_rad,
             velocity_rad_s: c.velocity_limit_rad_s,
+            period_s: c.control_period_s,
             torque_nm: c.torque_limit_nm,
             torque_rate_nm_s: c.torque_rate_nm_s,
             damping_kd: c.damping_kd,
@@ -70,10 +72,13 @@ impl Limiter {
 
     /// The command that may be sent, and the torques that it gives at the measured `q` and `v`.
     ///
-    /// In order: q_des within the position limits and within velocity × `dt_s` of the last one; q̇_des within the velocity
-    /// limits; torque towards a position limit fading out in its soft stop; torque limit; growth of torque. A torque is only
-    /// ever made smaller by this, and never smaller than damping would make it. A command that keeps every limit leaves
-    /// unaltered, to the bit.
+    /// In order: q_des within the position limits and within velocity limit × control period of the last one; q̇_des within the
+    /// velocity limits; torque towards a position limit fading out in its soft stop; torque limit; growth of torque over `dt_s`. A
+    /// torque is only ever made smaller by this, and never smaller than damping would make it. A command that keeps every limit
+    /// leaves unaltered, to the bit.
+    ///
+    /// After a late cycle q_des catches up over the next ones: the step is one period's however long the cycle before was, because
+    /// the drive sees it as a step.
     pub fn apply(
         &mut self,
         mut command: JointCommand,
@@ -83,7 +88,7 @@ impl Limiter {
     ) -> (JointCommand, [f64; JOINTS]) {
         let mut torque = [0.0; JOINTS];
         for j in 0..JOINTS {
-            self.limit_reference(&mut command, j, dt_s);
+            self.limit_reference(&mut command, j);
             let asked = command.joint_torque(j, q[j], v[j]);
             let allowed = self.limit_torque(j, asked, q[j], v[j], dt_s);
             if allowed != asked {
@@ -104,11 +109,11 @@ impl Limiter {
         (command, torque)
     }
 
-    fn limit_reference(&self, command: &mut JointCommand, j: usize, dt_s: f64) {
+    fn limit_reference(&self, command: &mut JointCommand, j: usize) {
         let limit = self.velocity_rad_s[j];
         let mut position = command.position_rad[j].clamp(self.position_min_rad[j], self.position_max_rad[j]);
         if let Some(last) = self.last_position_rad[j] {
-            let step = limit * dt_s;
+            let step = limit * self.period_s;
             position = position.clamp(last - step, last + step);
         }
         command.position_rad[j] = position;

@@ -37,7 +37,8 @@ fn cycles_to_safe(
             assert!(output.torque_nm[j].abs() <= config.torque_limit_nm[j] + 1e-9, "cycle {n} joint {j}");
             if output.mode.is_moving() && last.mode.is_moving() {
                 let step = (output.command.position_rad[j] - last.command.position_rad[j]).abs();
-                assert!(step <= config.velocity_limit_rad_s[j] * 0.05 + 1e-12, "cycle {n} joint {j}: {step}");
+                let limit = config.velocity_limit_rad_s[j] * config.control_period_s;
+                assert!(step <= limit + 1e-12, "cycle {n} joint {j}: {step}");
             }
         }
         if output.mode.is_moving() && bench.obeys {
@@ -285,6 +286,37 @@ fn clocks_that_jump_are_faults_in_the_same_cycle() {
     });
     assert_eq!(cycles, 1);
     assert_fault(&output, Fault::Overrun, None);
+}
+
+#[test]
+fn a_late_cycle_makes_no_larger_step_and_the_command_catches_up() {
+    // As late as is allowed, in every twentieth of the gait's two steps.
+    let late = Duration::from_millis(48);
+    for n in 0..40 {
+        let mut b = Bench::walking(config());
+        let (c, before) = (config(), b.run(1 + 20 * n));
+        b.now += late;
+        let (mut last, mut farthest) = (before, 0.0_f64);
+        for cycle in 0..60 {
+            let output = b.run(1);
+            assert_eq!(output.mode, Mode::Walking, "{:?}", output.report);
+            for j in 0..JOINTS {
+                let step = (output.command.position_rad[j] - last.command.position_rad[j]).abs();
+                let limit = c.velocity_limit_rad_s[j] * c.control_period_s;
+                assert!(step <= limit + 1e-12, "{cycle} cycles after it, joint {j}: {step}");
+                farthest = farthest.max((output.command.position_rad[j] - before.command.position_rad[j]).abs());
+            }
+            last = output;
+        }
+        // It is where a robot is that was never late.
+        let mut punctual = Bench::walking(config());
+        punctual.run(1 + 20 * n);
+        let there = punctual.run(48 + 60);
+        for j in 0..JOINTS {
+            let off = (there.command.position_rad[j] - last.command.position_rad[j]).abs();
+            assert!(off < 1e-9, "joint {j}: {off}, moved {farthest}");
+        }
+    }
 }
 
 #[test]

@@ -32,6 +32,25 @@ fn the_shipped_bus_file_fits_the_shipped_robot() {
     assert_eq!(bus.interfaces.len(), 4, "one bus for each leg");
 }
 
+/// The controller rounds what it measures and sends (control::resolution); a drive's frame rounds at least ten times as much.
+#[test]
+fn the_controller_s_rounding_is_lost_in_a_frame_s() {
+    use control::resolution::{STEP_NM, STEP_RAD, STEP_RAD_S};
+    let text = include_str!("../../../config/hardware/vision60_can.toml");
+    let bus = BusConfig::from_toml_str(text, "vision60", &joint_names()).unwrap();
+    for joint in &bus.joints {
+        let (ranges, gear) = (joint.ranges, joint.gear_ratio);
+        let step = |range: f64, bits: u32| 2.0 * range / f64::from((1_u32 << bits) - 1);
+        assert!(step(ranges.position_rad, 16) / gear >= 10.0 * STEP_RAD, "{}", joint.name);
+        assert!(step(ranges.velocity_rad_s, 12) / gear >= 10.0 * STEP_RAD_S, "{}", joint.name);
+        assert!(step(ranges.torque_nm, 12) * gear >= 10.0 * STEP_NM, "{}", joint.name);
+    }
+    // What all three together can move a torque by, at the gains that walk.
+    let torque = 0.5 * (300.0 * STEP_RAD + 5.0 * STEP_RAD_S + STEP_NM);
+    let frame = 0.5 * 2.0 * bus.joints[0].ranges.torque_nm / 4095.0;
+    assert!(torque < 0.0025 && torque < 0.12 * frame, "{torque} N m beside {frame} N m");
+}
+
 #[test]
 fn bad_bus_files_are_refused_by_what_is_wrong() {
     let text = bus_text("mit", 1.0);

@@ -22,6 +22,7 @@
 //!   wait-free buffer and the other side records them.
 //! - A bag that lacks a cycle is never called verified.
 
+mod continuity;
 mod error;
 mod names;
 mod read;
@@ -29,6 +30,7 @@ mod record;
 mod skeleton;
 mod verify;
 
+pub use continuity::{Continuity, continuity};
 pub use error::ReplayError;
 pub use read::{BehaviourRun, read_run};
 pub use record::{BodySample, RunInfo, RunRecorder};

@@ -11,10 +11,14 @@ use tandem_msgs::sensor_msgs::JointState;
 use tandem_msgs::{ControlCycle, ControllerState};
 
 use crate::ReplayError;
+use crate::continuity::{Continuity, cycle_time};
 use crate::names;
 
 /// The legs' names in the topics of ground forces, in the project's order.
 pub(crate) const LEG_NAMES: [&str; LEGS] = ["front_left", "rear_left", "front_right", "rear_right"];
+
+/// A time between two cycles that is worth telling: an overrun on CAN (docs/safety.md).
+const HOLE: std::time::Duration = std::time::Duration::from_millis(10);
 
 /// A run out of a bag. Times are seconds since the bag's first message.
 #[derive(Clone, Debug)]
@@ -57,8 +61,7 @@ struct Found {
     events: Vec<(f64, String)>,
     tracking_error: Vec<(f64, f64)>,
     cycle_times_s: Vec<f64>,
-    cycle_indices: Option<(u64, u64)>,
-    cycles: u64,
+    continuity: Continuity,
     robot_description: Option<String>,
 }
 
@@ -102,11 +105,14 @@ impl Found {
             self.body.push((time_s, from_cdr(&topic.type_name, data).map_err(text)?));
         } else if is(names::CONTROL_CYCLE, "tandem_msgs/msg/ControlCycle") {
             let cycle: ControlCycle = from_cdr(&topic.type_name, data).map_err(text)?;
-            let stamp = &cycle.header.stamp;
-            self.cycle_times_s.push(f64::from(stamp.sec) + f64::from(stamp.nanosec) * 1e-9);
-            self.cycles += 1;
-            let first = self.cycle_indices.map_or(cycle.index, |(first, _)| first);
-            self.cycle_indices = Some((first, cycle.index));
+            let now = cycle_time(&cycle)?;
+            self.cycle_times_s.push(now.as_secs_f64());
+            let (hole, missing) = self.continuity.cycle(now, cycle.index);
+            if missing > 0 {
+                self.events.push((time_s, format!("{missing} cycles not recorded, {:.3} s", hole.as_secs_f64())));
+            } else if hole > HOLE {
+                self.events.push((time_s, format!("no control cycle for {:.3} s", hole.as_secs_f64())));
+            }
             self.mode(time_s, &cycle.mode);
             self.events.extend(cycle.requests.iter().map(|request| (time_s, format!("asked to {request}"))));
             if !cycle.fault.is_empty() {
@@ -188,7 +194,6 @@ impl Found {
         let last_s = samples.last().map_or(first_s, |sample| sample.time_s);
         let after =
             walking.and_then(|from_s| self.modes.iter().find(|(time_s, mode)| *time_s > from_s && mode != "walking"));
-        let missing = self.cycle_indices.map_or(0, |(first, last)| (last - first + 1).saturating_sub(self.cycles));
         self.events.sort_by(|a, b| a.0.total_cmp(&b.0));
         BehaviourRun {
             path: path.to_owned(),
@@ -202,7 +207,7 @@ impl Found {
             events: self.events,
             tracking_error: self.tracking_error,
             cycle_intervals_s: self.cycle_times_s.windows(2).map(|pair| pair[1] - pair[0]).collect(),
-            missing_cycles: missing,
+            missing_cycles: self.continuity.missing,
             robot_description: self.robot_description,
         }
     }

@@ -55,7 +55,8 @@ pub struct BodySample {
 pub struct RunRecorder {
     recorder: Recorder,
     epoch_ns: u64,
-    last_stamp_ns: u64,
+    /// The bag's stamp of what came last; none before the first cycle.
+    last_stamp_ns: Option<u64>,
     joint_names: Vec<String>,
     joint_states: Topic,
     joint_command: Topic,
@@ -68,6 +69,8 @@ pub struct RunRecorder {
     last_written_state: Option<(Duration, Mode)>,
     gaits: u32,
     gait_name: String,
+    /// What was said before the first cycle, which alone tells the time.
+    before: Vec<(Topic, String)>,
 }
 
 impl RunRecorder {
@@ -85,9 +88,9 @@ impl RunRecorder {
             |leg: &str| recorder.topic_of::<WrenchStamped>(&format!("/{}/{leg}", names::GROUND_FORCE), Qos::sensor(1));
         let [a, b, c, d] = info.leg_names;
         let full = |name: &str| format!("/{name}");
-        let run = RunRecorder {
+        let mut run = RunRecorder {
             epoch_ns: info.epoch_ns,
-            last_stamp_ns: info.epoch_ns,
+            last_stamp_ns: None,
             joint_names: info.config.joint_names.to_vec(),
             joint_states: recorder.topic_of::<JointState>(&full(names::JOINT_STATES), Qos::sensor(1))?,
             joint_command: recorder.topic_of::<JointCommand>(&full(names::JOINT_COMMAND), Qos::sensor(1))?,
@@ -101,6 +104,7 @@ impl RunRecorder {
             last_written_state: None,
             gaits: 0,
             gait_name: String::new(),
+            before: Vec::new(),
             recorder,
         };
         let config = serde_json::to_string(info.config).map_err(|error| bag::BagError::Cdr {
@@ -145,23 +149,33 @@ impl RunRecorder {
         Ok(self.recorder.topic_of::<M>(&format!("/{}", name.trim_start_matches('/')), qos)?)
     }
 
-    /// A message from elsewhere, already in CDR. Its place in the bag is after the cycle recorded last. Gives whether it was
-    /// taken.
+    /// A message from elsewhere, already in CDR. Its place in the bag is after the cycle recorded last; before the first cycle
+    /// it has none and is left out. Gives whether it was taken.
     pub fn other(&mut self, topic: &Topic, cdr: Vec<u8>) -> bool {
-        self.recorder.push(topic, self.last_stamp_ns, cdr)
+        self.last_stamp_ns.is_none_or(|stamp_ns| self.recorder.push(topic, stamp_ns, cdr))
     }
 
-    fn text(&self, topic: &Topic, text: &str) -> Result<bool, ReplayError> {
+    fn text(&mut self, topic: &Topic, text: &str) -> Result<bool, ReplayError> {
+        let Some(stamp_ns) = self.last_stamp_ns else {
+            self.before.push((topic.clone(), text.to_owned()));
+            return Ok(true);
+        };
         let message = tandem_msgs::std_msgs::String { data: text.to_owned() };
-        Ok(self.recorder.push_message(topic, self.last_stamp_ns, &message)?)
+        Ok(self.recorder.push_message(topic, stamp_ns, &message)?)
     }
 
     /// The bag's stamp of something at `time`. It never falls, so that a bag is read in the order in which it was written even
-    /// if the clock went backwards; the message's own stamp tells the truth.
-    fn stamp_ns(&mut self, time: Duration) -> u64 {
+    /// if the clock went backwards; the message's own stamp tells the truth. At the first time that is told, everything that
+    /// was said before is written.
+    fn stamp_ns(&mut self, time: Duration) -> Result<u64, ReplayError> {
         let stamp_ns = self.epoch_ns.saturating_add(time.as_nanos().try_into().unwrap_or(u64::MAX));
-        self.last_stamp_ns = self.last_stamp_ns.max(stamp_ns);
-        self.last_stamp_ns
+        let stamp_ns = self.last_stamp_ns.unwrap_or(0).max(stamp_ns);
+        self.last_stamp_ns = Some(stamp_ns);
+        for (topic, data) in std::mem::take(&mut self.before) {
+            let message = tandem_msgs::std_msgs::String { data };
+            self.recorder.push_message(&topic, stamp_ns, &message)?;
+        }
+        Ok(stamp_ns)
     }
 
     /// A gait that is about to be handed to the controller: before the cycle whose input holds it. Gives whether it was taken.
@@ -171,7 +185,7 @@ impl RunRecorder {
     pub fn gait(&mut self, gait: &Gait) -> Result<bool, ReplayError> {
         self.gaits += 1;
         self.gait_name.clone_from(&gait.name);
-        self.text(&self.gait_file, &gait.to_json())
+        self.text(&self.gait_file.clone(), &gait.to_json())
     }
 
     /// One cycle: what [`control::Controller::step`] saw and said. `effort_nm`: the drives' torques with the state, where they
@@ -186,7 +200,7 @@ impl RunRecorder {
         output: &Output,
         effort_nm: Option<&[f64; JOINTS]>,
     ) -> Result<bool, ReplayError> {
-        let stamp_ns = self.stamp_ns(now);
+        let stamp_ns = self.stamp_ns(now)?;
         let header = |time: Duration| Header { stamp: time_message(time), frame_id: String::new() };
         let mut taken = true;
         if let Some(state) = input.joints
@@ -214,15 +228,19 @@ impl RunRecorder {
         };
         taken &= self.recorder.push_message(&self.joint_command, stamp_ns, &message)?;
         let state = input.joints;
-        let nanoseconds = |time: Duration| u64::try_from(time.as_nanos()).unwrap_or(u64::MAX);
+        // Ages instead of times: they hardly change from cycle to cycle, and what does not change compresses to nothing.
+        let age_ns = |time: Duration| {
+            let ns = |time: Duration| i64::try_from(time.as_nanos()).unwrap_or(i64::MAX);
+            ns(now).wrapping_sub(ns(time))
+        };
         let message = ControlCycle {
             header: header(now),
             index: output.cycles,
             state_seen: state.is_some(),
-            state_stamp_ns: state.map_or(0, |state| nanoseconds(state.stamp)),
-            state_arrived_ns: state.map_or(Vec::new(), |state| match state.arrived {
-                [first, ref rest @ ..] if rest.iter().all(|other| *other == first) => vec![nanoseconds(first)],
-                all => all.map(nanoseconds).to_vec(),
+            state_age_ns: state.map_or(0, |state| age_ns(state.stamp)),
+            state_arrival_age_ns: state.map_or(Vec::new(), |state| match state.arrived {
+                [first, ref rest @ ..] if rest.iter().all(|other| *other == first) => vec![age_ns(first)],
+                all => all.map(age_ns).to_vec(),
             }),
             state_temperature_c: state
                 .and_then(|state| state.temperature_c)
@@ -270,20 +288,23 @@ impl RunRecorder {
     /// # Errors
     /// [`ReplayError::Bag`] if it has no CDR form, which no sample lacks.
     pub fn body(&mut self, sample: &BodySample) -> Result<bool, ReplayError> {
-        let stamp_ns = self.stamp_ns(sample.time);
+        let stamp_ns = self.stamp_ns(sample.time)?;
         let header = || Header { stamp: time_message(sample.time), frame_id: "odom".into() };
-        let vector = |[x, y, z]: [f64; 3]| Vector3 { x, y, z };
-        let [x, y, z] = sample.position_m;
-        let [qx, qy, qz, qw] = sample.quaternion_xyzw;
+        let vector = |value: [f64; 3], resolution: fn(f64) -> f64| {
+            let [x, y, z] = value.map(resolution);
+            Vector3 { x, y, z }
+        };
+        let [x, y, z] = sample.position_m.map(resolution::length_m);
+        let [qx, qy, qz, qw] = sample.quaternion_xyzw.map(resolution::quaternion);
         let mut odometry = Odometry { header: header(), child_frame_id: "base_link".into(), ..Odometry::default() };
         odometry.pose.pose.position = Point { x, y, z };
         odometry.pose.pose.orientation = Quaternion { x: qx, y: qy, z: qz, w: qw };
-        odometry.twist.twist.linear = vector(sample.linear_velocity_body);
-        odometry.twist.twist.angular = vector(sample.angular_velocity_body);
+        odometry.twist.twist.linear = vector(sample.linear_velocity_body, resolution::velocity_m_s);
+        odometry.twist.twist.angular = vector(sample.angular_velocity_body, resolution::velocity_rad_s);
         let mut taken = self.recorder.push_message(&self.odom, stamp_ns, &odometry)?;
         for (topic, force) in self.ground_force.iter().zip(sample.ground_force_n.iter().flatten()) {
             let mut message = WrenchStamped { header: header(), ..WrenchStamped::default() };
-            message.wrench.force = vector(*force);
+            message.wrench.force = vector(*force, resolution::force_n);
             taken &= self.recorder.push_message(topic, stamp_ns, &message)?;
         }
         Ok(taken)
@@ -298,7 +319,10 @@ impl RunRecorder {
     ///
     /// # Errors
     /// As [`Recorder::finish`].
-    pub fn finish(self) -> Result<Summary, ReplayError> {
+    pub fn finish(mut self) -> Result<Summary, ReplayError> {
+        if self.last_stamp_ns.is_none() {
+            self.stamp_ns(Duration::ZERO)?; // no cycle came; the configuration is in the bag all the same
+        }
         Ok(self.recorder.finish()?)
     }
 }

@@ -255,21 +255,33 @@ fn exact(value: f64) -> String {
 }
 
 fn joint_state(cycle: &ControlCycle, state: &JointState) -> Result<control::JointState, String> {
+    let now_ns = i128::from(cycle.header.stamp.sec) * 1_000_000_000 + i128::from(cycle.header.stamp.nanosec);
+    let before = |age_ns: i64| {
+        u64::try_from(now_ns - i128::from(age_ns)).map(Duration::from_nanos).map_err(|_| "a time before zero")
+    };
     let stamp = &state.header.stamp;
     let stamp =
         Duration::new(u64::try_from(stamp.sec).map_err(|_| "a joint state with a negative time")?, stamp.nanosec);
-    if stamp.as_nanos() != u128::from(cycle.state_stamp_ns) {
+    let seen = before(cycle.state_age_ns)?;
+    if stamp != seen {
         return Err(format!(
             "it saw the joint state stamped {} ns; the one recorded last is stamped {} ns (the recorder dropped some)",
-            cycle.state_stamp_ns,
+            seen.as_nanos(),
             stamp.as_nanos()
         ));
     }
     Ok(control::JointState {
         stamp,
-        arrived: match cycle.state_arrived_ns.as_slice() {
-            [all] => [Duration::from_nanos(*all); JOINTS],
-            each => array("state_arrived_ns", each)?.map(Duration::from_nanos),
+        arrived: {
+            let ages_ns: [i64; JOINTS] = match cycle.state_arrival_age_ns.as_slice() {
+                [all] => [*all; JOINTS],
+                each => array("state_arrival_age_ns", each)?,
+            };
+            let mut arrived = [Duration::ZERO; JOINTS];
+            for (arrived, age_ns) in arrived.iter_mut().zip(ages_ns) {
+                *arrived = before(age_ns)?;
+            }
+            arrived
         },
         position_rad: array("position", &state.position)?,
         velocity_rad_s: array("velocity", &state.velocity)?,

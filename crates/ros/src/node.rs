@@ -46,11 +46,12 @@ const SERVICE_DEPTH: usize = 128;
 #[derive(Clone, Debug)]
 pub struct Stop {
     sender: Arc<watch::Sender<bool>>,
+    suspended: Arc<AtomicBool>,
 }
 
 impl Stop {
     fn new() -> Self {
-        Stop { sender: Arc::new(watch::Sender::new(false)) }
+        Stop { sender: Arc::new(watch::Sender::new(false)), suspended: Arc::default() }
     }
 
     /// Asks everyone to stop.
@@ -62,6 +63,14 @@ impl Stop {
     #[must_use]
     pub fn is_requested(&self) -> bool {
         *self.sender.borrow()
+    }
+
+    /// Whether the process itself was stopped (SIGSTOP, Ctrl-Z) and went on. The middleware's threads do not outlive that (their
+    /// interrupted wait is an error to them), so the node would be deaf from then on; it is asked to stop instead, and a program
+    /// ends with an error then, for a supervisor to start it anew.
+    #[must_use]
+    pub fn was_suspended(&self) -> bool {
+        self.suspended.load(Ordering::SeqCst)
     }
 
     /// Waits until it is asked.
@@ -591,6 +600,7 @@ impl Node {
         };
         let mut interrupt = listen(SignalKind::interrupt())?;
         let mut terminate = listen(SignalKind::terminate())?;
+        let mut goes_on = listen(SignalKind::from_raw(libc::SIGCONT))?;
         let stop = self.stop.clone();
         let asked = Arc::new(AtomicBool::new(false));
         // Not one of the tasks that the end aborts: a second signal must work while the node shuts down.
@@ -599,6 +609,14 @@ impl Node {
                 tokio::select! {
                     _ = interrupt.recv() => {}
                     _ = terminate.recv() => {}
+                    _ = goes_on.recv() => {
+                        tracing::error!(
+                            "this process was stopped (SIGSTOP or Ctrl-Z) and goes on; its connections did not outlive that, so it ends: start it again"
+                        );
+                        stop.suspended.store(true, Ordering::SeqCst);
+                        stop.request();
+                        continue;
+                    }
                 }
                 if asked.swap(true, Ordering::SeqCst) {
                     // The shell's number for a process ended by SIGINT.

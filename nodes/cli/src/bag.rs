@@ -93,6 +93,7 @@ fn info(arguments: &InfoArguments) -> Result<ExitCode> {
     let bag = Bag::open(&arguments.bag)?;
     let (start_ns, end_ns) = bag.span_ns().unwrap_or((0, 0));
     let duration_s = (end_ns - start_ns) as f64 * 1e-9;
+    let cycles = replay::continuity(&bag)?;
     if arguments.json {
         let topics: Vec<serde_json::Value> = bag
             .topics()
@@ -107,6 +108,8 @@ fn info(arguments: &InfoArguments) -> Result<ExitCode> {
         let summary = serde_json::json!({
             "path": bag.path(), "storage": bag.storage(), "files": bag.files(), "bytes": bag.bytes(), "start_ns": start_ns,
             "end_ns": end_ns, "duration_s": duration_s, "messages": bag.message_count(), "topics": topics,
+            "missing_cycles": cycles.map(|cycles| cycles.missing),
+            "longest_hole_s": cycles.map(|cycles| cycles.longest.as_secs_f64()),
         });
         println!("{summary}");
         return Ok(ExitCode::SUCCESS);
@@ -128,6 +131,15 @@ fn info(arguments: &InfoArguments) -> Result<ExitCode> {
             Err(error) => format!("  ({error})"),
         };
         println!("  {:width$}  {:>9} messages {rate:>8.1} Hz  {}{note}", topic.name, topic.messages, topic.type_name);
+    }
+    if let Some(cycles) = cycles {
+        println!(
+            "  {} control cycles, {} missing between them; at most {:.3} s from one to the next (at {:.3} s of the controller's clock)",
+            cycles.cycles,
+            cycles.missing,
+            cycles.longest.as_secs_f64(),
+            cycles.longest_from.as_secs_f64()
+        );
     }
     Ok(ExitCode::SUCCESS)
 }
@@ -190,89 +202,114 @@ fn verify(arguments: &VerifyArguments) -> Result<ExitCode> {
 struct Table {
     file: BufWriter<std::fs::File>,
     path: PathBuf,
-    columns: Vec<String>,
+    columns: Columns,
     rows: u64,
 }
 
 fn export(arguments: &ExportArguments) -> Result<ExitCode> {
-    let bag = Bag::open(&arguments.bag)?;
-    for wanted in &arguments.topics {
+    export_csv(&arguments.bag, &arguments.output, &arguments.topics)?;
+    Ok(ExitCode::SUCCESS)
+}
+
+/// Writes a bag's topics as CSV, one file for each, into a folder that is empty or not there. `topics`: only these; none: all.
+pub fn export_csv(bag: &Path, folder: &Path, topics: &[String]) -> Result<()> {
+    let bag = Bag::open(bag)?;
+    for wanted in topics {
         if bag.topic(wanted).is_none() {
             let known: Vec<&str> = bag.topics().iter().map(|topic| topic.name.as_str()).collect();
             bail!("there is no topic '{wanted}' in {}; it has {}", bag.path().display(), known.join(", "));
         }
     }
-    let folder = &arguments.output;
     std::fs::create_dir_all(folder).with_context(|| format!("cannot make the folder {}", folder.display()))?;
     if std::fs::read_dir(folder)?.next().is_some() {
         bail!("{} is not empty; nothing was written; choose another folder", folder.display());
     }
     let mut definitions = Vec::new();
     for topic in bag.topics() {
-        let wanted = arguments.topics.is_empty() || arguments.topics.contains(&topic.name);
+        let wanted = topics.is_empty() || topics.contains(&topic.name);
         definitions.push(match topic.parsed_definition() {
             _ if !wanted => None,
             Ok(definition) => Some(definition),
             // Asked for by name it is an error, else a topic that cannot be written.
-            Err(error) if !arguments.topics.is_empty() => return Err(error.into()),
+            Err(error) if !topics.is_empty() => return Err(error.into()),
             Err(error) => {
                 println!("  left out: {error}");
                 None
             }
         });
     }
-    let mut tables: BTreeMap<usize, Table> = BTreeMap::new();
+    // Once for the columns, because a list may be longer in a later message, and once for the rows.
+    let mut columns: BTreeMap<usize, Columns> = BTreeMap::new();
     for message in bag.messages()? {
         let message = message?;
-        let topic = &bag.topics()[message.topic];
         let Some(definition) = &definitions[message.topic] else { continue };
-        let value = decode(definition, &message.data).with_context(|| format!("topic {}", topic.name))?;
-        let table = match tables.entry(message.topic) {
-            std::collections::btree_map::Entry::Occupied(entry) => entry.into_mut(),
-            std::collections::btree_map::Entry::Vacant(entry) => {
-                entry.insert(Table::begin(folder, &topic.name, &value)?)
-            }
+        let value =
+            decode(definition, &message.data).with_context(|| format!("topic {}", bag.topics()[message.topic].name))?;
+        columns.entry(message.topic).or_default().take(&value);
+    }
+    let mut tables: BTreeMap<usize, Table> = BTreeMap::new();
+    for (topic, columns) in columns {
+        tables.insert(topic, Table::begin(folder, &bag.topics()[topic].name, columns)?);
+    }
+    for message in bag.messages()? {
+        let message = message?;
+        let (Some(definition), Some(table)) = (&definitions[message.topic], tables.get_mut(&message.topic)) else {
+            continue;
         };
-        table.row(message.stamp_ns, &value)?;
+        table.row(message.stamp_ns, &decode(definition, &message.data)?)?;
     }
     for table in tables.values_mut() {
         table.file.flush().with_context(|| format!("cannot write {}", table.path.display()))?;
-        println!("{}: {} rows, {} columns", table.path.display(), table.rows, table.columns.len() + 1);
+        println!("{}: {} rows, {} columns", table.path.display(), table.rows, table.columns.0.len() + 1);
     }
-    Ok(ExitCode::SUCCESS)
+    Ok(())
+}
+
+/// Names of the columns, in the order of the message's fields.
+#[derive(Default)]
+struct Columns(Vec<String>);
+
+impl Columns {
+    /// Adds what the message has and no one before it had: each after the value that stands before it in the message.
+    fn take(&mut self, value: &Value) {
+        let mut place = 0;
+        value.for_each_leaf(&mut |name, _| {
+            // Most messages have the columns that are known, in their order.
+            place = match self.0[place..].iter().position(|known| known == name) {
+                Some(ahead) => place + ahead + 1,
+                None => {
+                    self.0.insert(place, name.to_owned());
+                    place + 1
+                }
+            };
+        });
+    }
 }
 
 impl Table {
-    /// The columns are those of the topic's first message.
-    fn begin(folder: &Path, topic: &str, first: &Value) -> Result<Table> {
+    fn begin(folder: &Path, topic: &str, columns: Columns) -> Result<Table> {
         let path = folder.join(format!("{}.csv", topic.trim_matches('/').replace('/', "__")));
         let file = std::fs::File::create_new(&path).with_context(|| format!("cannot write {}", path.display()))?;
-        let mut columns = Vec::new();
-        first.for_each_leaf(&mut |name, _| columns.push(name.to_owned()));
         let mut table = Table { file: BufWriter::new(file), path, columns, rows: 0 };
-        let head: Vec<String> = table.columns.iter().map(|name| quoted(name)).collect();
+        let head: Vec<String> = table.columns.0.iter().map(|name| quoted(name)).collect();
         table.line(&format!("stamp_ns,{}", head.join(",")))?;
         Ok(table)
     }
 
+    /// Columns that this message has no value for stay empty.
     fn row(&mut self, stamp_ns: u64, value: &Value) -> Result<()> {
-        // A message with other parts than the first (a longer list, say) still goes under the right names.
-        let mut cells: BTreeMap<String, String> = BTreeMap::new();
         let mut line = stamp_ns.to_string();
+        let mut place = 0;
         value.for_each_leaf(&mut |name, leaf| {
-            cells.insert(name.to_owned(), cell(leaf));
-        });
-        for column in &self.columns {
+            while self.columns.0[place] != name {
+                line.push(',');
+                place += 1;
+            }
             line.push(',');
-            line.push_str(&cells.remove(column).unwrap_or_default());
-        }
-        if let Some((extra, _)) = cells.first_key_value() {
-            bail!(
-                "{}: the message at {stamp_ns} ns has a value '{extra}' that the topic's first message has not; CSV has one set \
-                 of columns; leave this topic out with --topic",
-                self.path.display()
-            );
-        }
+            line.push_str(&cell(leaf));
+            place += 1;
+        });
+        line.extend(std::iter::repeat_n(',', self.columns.0.len() - place));
         self.rows += 1;
         self.line(&line)
     }
@@ -296,4 +333,27 @@ fn cell(value: &Value) -> String {
 
 fn quoted(text: &str) -> String {
     if text.contains([',', '"', '\n', '\r']) { format!("\"{}\"", text.replace('"', "\"\"")) } else { text.to_owned() }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn columns_of_lists_that_grow_keep_the_order_of_the_fields() {
+        let list = |values: &[i64]| Value::List(values.iter().map(|value| Value::Integer(*value)).collect());
+        let message = |a: &[i64], b: &[i64]| Value::Fields(vec![("a".into(), list(a)), ("b".into(), list(b))]);
+        let messages = [message(&[], &[1]), message(&[2, 3], &[4]), message(&[5], &[6, 7]), message(&[], &[])];
+        let mut columns = Columns::default();
+        messages.iter().for_each(|message| columns.take(message));
+        assert_eq!(columns.0, ["a[0]", "a[1]", "b[0]", "b[1]"]);
+        let folder = tempfile::tempdir().unwrap();
+        let mut table = Table::begin(folder.path(), "/some/topic", columns).unwrap();
+        for (stamp, message) in messages.iter().enumerate() {
+            table.row(stamp as u64, message).unwrap();
+        }
+        table.file.flush().unwrap();
+        let text = std::fs::read_to_string(folder.path().join("some__topic.csv")).unwrap();
+        assert_eq!(text, "stamp_ns,a[0],a[1],b[0],b[1]\n0,,,1,\n1,2,3,4,\n2,5,,6,7\n3,,,,\n");
+    }
 }

@@ -15,19 +15,22 @@ use tandem_sim_bridge::simulator::SimulatorOptions;
 ///
 ///   tandem report out/run -o report.html
 ///   tandem report monday tuesday -o compare.html
-///   tandem report out/run --png pictures
+///   tandem report out/run --png pictures --csv tables
 #[derive(clap::Args)]
 #[command(verbatim_doc_comment)]
 pub struct Arguments {
     /// Bags: folders, or .mcap or .db3 files
     #[arg(required = true, value_name = "BAG")]
     bags: Vec<PathBuf>,
-    /// The page [default: report.html, unless --png is given]
+    /// The page [default: report.html, unless --png or --csv is given]
     #[arg(short, long, value_name = "FILE")]
     output: Option<PathBuf>,
     /// Write pictures (PNG) into this folder; with several bags, into one folder for each in it
     #[arg(long, value_name = "FOLDER")]
     png: Option<PathBuf>,
+    /// Write every topic as a CSV file into this folder; with several bags, into one folder for each in it
+    #[arg(long, value_name = "FOLDER")]
+    csv: Option<PathBuf>,
     /// Samples come from a robot: drawn in cyan, as the paper's experiments
     #[arg(long)]
     recorded: bool,
@@ -59,10 +62,16 @@ pub fn run(arguments: &Arguments) -> Result<ExitCode> {
             pictures(arguments, run, tiles, &folder)?;
         }
     }
-    let page = match (&arguments.output, &arguments.png) {
-        (Some(file), _) => file.clone(),
-        (None, Some(_)) => return Ok(ExitCode::SUCCESS),
-        (None, None) => PathBuf::from("report.html"),
+    if let Some(folder) = &arguments.csv {
+        for (bag, label) in arguments.bags.iter().zip(&labels) {
+            let folder = if runs.len() == 1 { folder.clone() } else { folder.join(label) };
+            crate::bag::export_csv(bag, &folder, &[])?;
+        }
+    }
+    let page = match &arguments.output {
+        Some(file) => file.clone(),
+        None if arguments.png.is_some() || arguments.csv.is_some() => return Ok(ExitCode::SUCCESS),
+        None => PathBuf::from("report.html"),
     };
     let mut page_runs = Vec::new();
     for ((run, label), tiles) in runs.iter().zip(&labels).zip(&tiles) {

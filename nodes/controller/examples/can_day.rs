@@ -70,6 +70,17 @@ impl Program {
         Ok(())
     }
 
+    fn wait(&mut self, patience: Duration) -> Result<std::process::ExitStatus, Failure> {
+        let deadline = monotonic_now() + patience;
+        loop {
+            match self.0.try_wait()? {
+                Some(status) => return Ok(status),
+                None if monotonic_now() > deadline => return Err(format!("it did not end within {patience:?}").into()),
+                None => std::thread::sleep(5 * MS),
+            }
+        }
+    }
+
     fn check(&mut self, name: &str) -> Result<(), Failure> {
         match self.0.try_wait()? {
             None => Ok(()),
@@ -339,6 +350,44 @@ impl Day {
         if took > cycles { Err(format!("{what}: {took} cycles, expected {cycles}").into()) } else { Ok(()) }
     }
 
+    /// Since then every drive has braked or rested.
+    fn no_drive_has_pushed(&self, since: i64) -> Result<(), Failure> {
+        const NOISE_W: f64 = 0.5;
+        for state in lock(&self.heard).joints.iter().filter(|state| state.header.stamp.nanoseconds() > since) {
+            for (torque, velocity) in state.effort.iter().zip(&state.velocity) {
+                if torque * velocity > NOISE_W {
+                    return Err(format!("a drive gives {torque} N m at {velocity} rad/s").into());
+                }
+            }
+        }
+        Ok(())
+    }
+
+    /// It comes back disarmed, with the drives at rest, and is given a gait.
+    fn restart_controller(&mut self) -> Result<(), Failure> {
+        {
+            let mut heard = lock(&self.heard);
+            heard.state = None;
+            heard.changes.clear();
+        }
+        self.controller = Program::start(&self.folder, "tandem_controller", &CONTROLLER)?;
+        wait(&self.heard, PATIENCE, "the controller's return", |heard| heard.state.is_some())?;
+        let first = lock(&self.heard).changes.first().map(|(_, state)| state.mode.clone());
+        if first.as_deref() != Some("disarmed") {
+            return Err(format!("the controller comes back {first:?}, expected disarmed").into());
+        }
+        let limp = lock(&self.heard).joints.back().is_some_and(|state| state.effort.iter().all(|t| *t == 0.0));
+        if !limp {
+            return Err("the drives are not at rest under a controller that has just come back".into());
+        }
+        let json = include_str!("../../sim_bridge/tests/data/amble.json");
+        let loaded = self.load.call(LoadGaitRequest { json: json.into() }, PATIENCE)?;
+        if !loaded.success {
+            return Err(format!("load_gait: {}", loaded.message).into());
+        }
+        Ok(())
+    }
+
     fn run(mut self, seconds: f64) -> Result<(), Failure> {
         let request = GenerateGaitRequest { behaviour: "amble".into(), ..GenerateGaitRequest::default() };
         let answer = self.generate.call(request, Duration::from_secs(120))?;
@@ -391,39 +440,26 @@ impl Day {
         self.start_walking()?;
         self.walks_on(0.3, "recovery from an interface down")?;
 
-        // Hung: the drives' watchdogs damp; when it goes on, it finds out before it sends a torque.
+        // Hung: the drives' watchdogs damp; when it goes on, it finds out before it sends a torque, and ends, because its
+        // connections are gone. Whoever watches over it starts it again.
         let since = self.simulated_ns()?;
         self.controller.signal(19)?;
         self.drives_damp_within(since, WATCHDOG_CYCLES + SEEN_CYCLES, "the controller hangs")?;
-        let since = monotonic_now();
         self.controller.signal(18)?;
-        self.safe_within(since, 5 * MS, "", "the controller goes on")?;
+        let status = self.controller.wait(Duration::from_secs(10))?;
+        if status.success() {
+            return Err("a controller that was stopped and went on ends as if nothing had been".into());
+        }
+        self.no_drive_has_pushed(since + (WATCHDOG_CYCLES + SEEN_CYCLES) * 1_000_000)?;
+        println!("can_day: the controller goes on, and ends with {status} without a torque");
+        self.restart_controller()?;
         self.start_walking()?;
         self.walks_on(0.3, "recovery from a controller that hung")?;
 
         let since = self.simulated_ns()?;
         self.controller.kill()?;
         self.drives_damp_within(since, WATCHDOG_CYCLES + SEEN_CYCLES, "the controller is killed")?;
-        {
-            let mut heard = lock(&self.heard);
-            heard.state = None;
-            heard.changes.clear();
-        }
-        self.controller = Program::start(&self.folder, "tandem_controller", &CONTROLLER)?;
-        wait(&self.heard, PATIENCE, "the controller's return", |heard| heard.state.is_some())?;
-        let first = lock(&self.heard).changes.first().map(|(_, state)| state.mode.clone());
-        if first.as_deref() != Some("disarmed") {
-            return Err(format!("the controller comes back {first:?}, expected disarmed").into());
-        }
-        let limp = lock(&self.heard).joints.back().is_some_and(|state| state.effort.iter().all(|t| *t == 0.0));
-        if !limp {
-            return Err("the drives are not at rest under a controller that has just come back".into());
-        }
-        let json = include_str!("../../sim_bridge/tests/data/amble.json");
-        let loaded = self.load.call(LoadGaitRequest { json: json.into() }, PATIENCE)?;
-        if !loaded.success {
-            return Err(format!("load_gait: {}", loaded.message).into());
-        }
+        self.restart_controller()?;
         self.start_walking()?;
         self.walks_on(1.0, "the controller's death and return")?;
         println!("can_day: the controller is killed and comes back: disarmed; stood up, walked again");

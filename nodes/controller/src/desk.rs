@@ -124,8 +124,12 @@ impl Desk {
             dds_bus::listen(node, self.config.joint_names.clone(), states, sensors.wake.take(), fast)?;
         }
         let recording = Arc::clone(&self.recording);
+        // What the controller takes from it, the tilt, is recorded with every cycle.
+        let mut thinning = tape::Thinning::new(2 * tape::THINNED_NS);
         node.subscribe("imu", Qos::best_effort(1), move |message: sensor_msgs::Imu| {
-            recording.other(tape::IMU, None, &message);
+            if thinning.takes(message.header.stamp.nanoseconds()) {
+                recording.other(tape::IMU, None, &message);
+            }
             if let Some(tilt) = ports::tilt(&message) {
                 let _ = sensors.tilts.push(TimedTilt { tilt, wall: monotonic_now() });
             }

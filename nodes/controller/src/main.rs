@@ -181,7 +181,11 @@ fn run() -> anyhow::Result<()> {
     let press_result = press.join();
     recording.end();
     let writer_result = writer.join();
+    let suspended = node.stop().was_suspended();
     node.shutdown();
+    if suspended {
+        anyhow::bail!("the process had been stopped and went on; it comes back disarmed when it is started again");
+    }
     if control_result.is_err() || press_result.is_err() || writer_result.is_err() {
         anyhow::bail!("a thread panicked; the lines above say where");
     }

@@ -169,7 +169,9 @@ impl Press {
         let status = self.recording.status();
         let (level, message) = match (&status.fault, &status.folder) {
             (Some(fault), _) => (DiagnosticStatus::ERROR, fault.clone()),
-            (None, Some(_)) if status.dropped > 0 => (DiagnosticStatus::WARN, "the disk is too slow".to_owned()),
+            (None, Some(_)) if status.dropped > 0 => {
+                (DiagnosticStatus::WARN, format!("the disk is too slow: {} dropped", status.dropped))
+            }
             (None, Some(_)) => (DiagnosticStatus::OK, "recording".to_owned()),
             (None, None) => (DiagnosticStatus::OK, "not recording".to_owned()),
         };
@@ -183,6 +185,8 @@ impl Press {
                 value("folder", status.folder.map_or_else(String::new, |folder| folder.display().to_string())),
                 value("messages_written", status.written.to_string()),
                 value("dropped", status.dropped.to_string()),
+                value("missing_cycles", status.missing_cycles.to_string()),
+                value("longest_hole_s", format!("{:.3}", status.longest_hole.as_secs_f64())),
             ],
         }
     }

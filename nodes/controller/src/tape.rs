@@ -8,7 +8,7 @@ use control::{
     Config, Controller, Input, JOINTS, JointState, MAX_REQUESTS, Output, PreparedGait, Request, Snapshot, Tilt,
 };
 use gait::{Gait, LEGS};
-use replay::{ReplayError, RunInfo, RunRecorder};
+use replay::{Continuity, ReplayError, RunInfo, RunRecorder};
 use ros::{Node, Qos, RosError};
 use rtrb::{Consumer, Producer, RingBuffer};
 use std::collections::BTreeMap;
@@ -144,6 +144,10 @@ pub struct RecordingStatus {
     pub written: u64,
     /// Whole cycles that found the buffer full, and messages that found the disk too slow.
     pub dropped: u64,
+    /// Cycles that are missing between the first and the last recorded.
+    pub missing_cycles: u64,
+    /// Longest time from one recorded cycle to the next.
+    pub longest_hole: Duration,
     /// Why the present recording, or the last attempt, failed.
     pub fault: Option<String>,
 }
@@ -163,7 +167,7 @@ pub struct Recording {
     orders: Sender<Order>,
     /// Messages of other topics on their way.
     others: Arc<AtomicU64>,
-    dropped_others: AtomicU64,
+    dropped_others: Arc<AtomicU64>,
     active: Arc<AtomicBool>,
     gaits: Gaits,
     status: Arc<Mutex<RecordingStatus>>,
@@ -181,6 +185,7 @@ pub struct Writer {
     beginnings: Consumer<(u64, Snapshot)>,
     shared: Arc<Shared>,
     others: Arc<AtomicU64>,
+    dropped_others: Arc<AtomicU64>,
     active: Arc<AtomicBool>,
     status: Arc<Mutex<RecordingStatus>>,
     subject: Subject,
@@ -194,7 +199,7 @@ struct Run {
     recorder: RunRecorder,
     begun: bool,
     topics: BTreeMap<String, bag::Topic>,
-    partly_dropped: u64,
+    continuity: Continuity,
 }
 
 /// The two ends and the writer between.
@@ -203,6 +208,7 @@ pub fn tape(subject: Subject) -> (Tape, Recording, Writer) {
     let (beginnings_in, beginnings) = RingBuffer::new(2);
     let (orders_in, orders) = channel();
     let shared = Arc::new(Shared::default());
+    let dropped_others = Arc::new(AtomicU64::new(0));
     let (others, active) = (Arc::new(AtomicU64::new(0)), Arc::new(AtomicBool::new(false)));
     let status = Arc::new(Mutex::new(RecordingStatus::default()));
     let gaits = Gaits::default();
@@ -210,13 +216,25 @@ pub fn tape(subject: Subject) -> (Tape, Recording, Writer) {
     let recording = Recording {
         orders: orders_in,
         others: Arc::clone(&others),
-        dropped_others: AtomicU64::new(0),
+        dropped_others: Arc::clone(&dropped_others),
         active: Arc::clone(&active),
         gaits: Arc::clone(&gaits),
         status: Arc::clone(&status),
     };
-    let writer =
-        Writer { orders, cycles, beginnings, shared, others, active, status, subject, gaits, recordings: 0, run: None };
+    let writer = Writer {
+        orders,
+        cycles,
+        beginnings,
+        shared,
+        others,
+        dropped_others,
+        active,
+        status,
+        subject,
+        gaits,
+        recordings: 0,
+        run: None,
+    };
     (tape, recording, writer)
 }
 
@@ -263,9 +281,7 @@ impl Recording {
 
     /// How it fares.
     pub fn status(&self) -> RecordingStatus {
-        let mut status = lock(&self.status).clone();
-        status.dropped += self.dropped_others.load(Ordering::Relaxed);
-        status
+        lock(&self.status).clone()
     }
 
     /// A message of another topic: goes into the bag if one is recorded.
@@ -286,19 +302,23 @@ impl Recording {
         }
     }
 
-    /// Listens to what others say of the robot's surroundings. What a simulation tells faster than at 100 Hz is thinned out.
+    /// Listens to what others say of the robot's surroundings, thinned out.
     ///
     /// # Errors
     /// The middleware's reason.
     pub fn listen(self: &Arc<Self>, node: &Node, leg_names: &[String; LEGS]) -> Result<(), RosError> {
-        self.listen_to(node, ODOM, None, "odom", |message: &Odometry| message.header.stamp.nanoseconds())?;
+        let thin = Thinning::new;
+        self.listen_to(node, ODOM, None, "odom", thin(THINNED_NS), |message: &Odometry| {
+            message.header.stamp.nanoseconds()
+        })?;
         for (leg, name) in leg_names.iter().enumerate() {
             let topic = format!("ground_force/{name}");
-            self.listen_to(node, GROUND_FORCE, Some(leg), &topic, |message: &WrenchStamped| {
+            self.listen_to(node, GROUND_FORCE, Some(leg), &topic, thin(THINNED_NS), |message: &WrenchStamped| {
                 message.header.stamp.nanoseconds()
             })?;
         }
-        self.listen_to(node, TF, None, "/tf", |message: &TFMessage| {
+        // It says what odom says, for viewers.
+        self.listen_to(node, TF, None, "/tf", thin(2 * THINNED_NS), |message: &TFMessage| {
             message.transforms.first().map_or(0, |transform| transform.header.stamp.nanoseconds())
         })
     }
@@ -309,23 +329,39 @@ impl Recording {
         topic: &'static str,
         leg: Option<usize>,
         name: &str,
+        mut thinning: Thinning,
         stamp_ns: impl Fn(&M) -> i64 + Send + 'static,
     ) -> Result<(), RosError> {
         let recording = Arc::clone(self);
-        let mut last = None;
         node.subscribe(name, Qos::best_effort(16), move |message: M| {
-            // One message in each hundredth of a second: the same instants on every topic.
-            let slot = Some(stamp_ns(&message).div_euclid(THINNED_NS));
-            if slot != last {
-                last = slot;
+            if thinning.takes(stamp_ns(&message)) {
                 recording.other(topic, leg, &message);
             }
         })
     }
 }
 
+/// Takes one message in each period of its stamps: the same instants on every topic of one period.
+pub struct Thinning {
+    period_ns: i64,
+    slot: Option<i64>,
+}
+
+impl Thinning {
+    /// For one topic.
+    pub fn new(period_ns: i64) -> Self {
+        Self { period_ns, slot: None }
+    }
+
+    /// Whether a message with this stamp goes into the bag.
+    pub fn takes(&mut self, stamp_ns: i64) -> bool {
+        let slot = Some(stamp_ns.div_euclid(self.period_ns));
+        std::mem::replace(&mut self.slot, slot) != slot
+    }
+}
+
 /// Time from one message of a thinned topic to the next, ns.
-const THINNED_NS: i64 = 10_000_000;
+pub const THINNED_NS: i64 = 10_000_000;
 const ODOM: &str = "odom";
 const GROUND_FORCE: &str = "ground_force";
 const TF: &str = "tf";
@@ -337,24 +373,28 @@ pub const IMU: &str = "imu";
 impl Writer {
     /// Writes until every [`Recording`] is gone; a recording that goes on then is ended.
     pub fn run(mut self) {
-        loop {
-            let order = self.orders.recv_timeout(PATIENCE);
-            self.write_cycles();
-            match order {
-                Err(RecvTimeoutError::Timeout) => {}
-                Ok(Order::End) | Err(RecvTimeoutError::Disconnected) => {
-                    if self.run.is_some() {
-                        match self.stop() {
-                            Ok(done) => tracing::info!("{}: {} messages recorded", done.folder, done.messages),
-                            Err(reason) => tracing::error!("recording: {reason}"),
-                        }
+        while self.turn() {}
+    }
+
+    /// Waits a little for an order, and writes what there is. `false`: it was the last.
+    pub fn turn(&mut self) -> bool {
+        let order = self.orders.recv_timeout(PATIENCE);
+        self.write_cycles();
+        match order {
+            Err(RecvTimeoutError::Timeout) => {}
+            Ok(Order::End) | Err(RecvTimeoutError::Disconnected) => {
+                if self.run.is_some() {
+                    match self.stop() {
+                        Ok(done) => tracing::info!("{}: {} messages recorded", done.folder, done.messages),
+                        Err(reason) => tracing::error!("recording: {reason}"),
                     }
-                    return;
                 }
-                Ok(order) => self.obey(order),
+                return false;
             }
-            self.tell();
+            Ok(order) => self.obey(order),
         }
+        self.tell();
+        true
     }
 
     fn obey(&mut self, order: Order) {
@@ -408,11 +448,17 @@ impl Writer {
         }
         self.recordings += 1;
         self.shared.dropped_cycles.store(0, Ordering::Relaxed);
+        self.dropped_others.store(0, Ordering::Relaxed);
         self.shared.wanted.store(self.recordings, Ordering::Release);
         self.active.store(true, Ordering::Release);
         *lock(&self.status) = RecordingStatus { folder: Some(folder.clone()), ..RecordingStatus::default() };
-        self.run =
-            Some(Run { number: self.recordings, recorder, begun: false, topics: BTreeMap::new(), partly_dropped: 0 });
+        self.run = Some(Run {
+            number: self.recordings,
+            recorder,
+            begun: false,
+            topics: BTreeMap::new(),
+            continuity: Continuity::default(),
+        });
         tracing::info!("recording into {}", folder.display());
         Ok(())
     }
@@ -422,14 +468,22 @@ impl Writer {
         self.active.store(false, Ordering::Release);
         self.write_cycles();
         let run = self.run.take().ok_or("nothing is being recorded")?;
-        let dropped_cycles = self.shared.dropped_cycles.load(Ordering::Relaxed);
+        let dropped_before =
+            self.shared.dropped_cycles.load(Ordering::Relaxed) + self.dropped_others.load(Ordering::Relaxed);
+        let longest_hole = run.continuity.longest;
         let folder = run.recorder.folder().display().to_string();
         *lock(&self.status) = RecordingStatus::default();
         match run.recorder.finish() {
             Ok(summary) => {
-                let (messages, dropped) = (summary.written(), summary.dropped() + dropped_cycles);
-                let message =
-                    if dropped > 0 { format!("{dropped} were dropped: the disk was too slow") } else { String::new() };
+                let (messages, dropped) = (summary.written(), summary.dropped() + dropped_before);
+                let message = if dropped > 0 {
+                    format!(
+                        "{dropped} were dropped: the disk was too slow; at most {:.3} s from one recorded cycle to the next",
+                        longest_hole.as_secs_f64()
+                    )
+                } else {
+                    String::new()
+                };
                 Ok(StopRecordingResponse { success: true, message, folder, messages, dropped, bytes: summary.bytes })
             }
             Err(error) => {
@@ -462,10 +516,8 @@ impl Writer {
                 }
             }
             let gait = lock(&self.gaits).get(&cycle.gait).cloned();
-            match run.cycle(&cycle, gait.as_ref()) {
-                Ok(true) => {}
-                Ok(false) => run.partly_dropped += 1,
-                Err(error) => tracing::error!("recording: {error}"),
+            if let Err(error) = run.cycle(&cycle, gait.as_ref()) {
+                tracing::error!("recording: {error}");
             }
         }
     }
@@ -495,10 +547,13 @@ impl Writer {
     /// Brings the status up to date; says a new fault once.
     fn tell(&mut self) {
         let Some(run) = &self.run else { return };
-        let RecorderStatus { written, fault, .. } = run.recorder.status();
+        let RecorderStatus { written, dropped, fault, .. } = run.recorder.status();
         let mut status = lock(&self.status);
         status.written = written;
-        status.dropped = self.shared.dropped_cycles.load(Ordering::Relaxed) + run.partly_dropped;
+        status.dropped =
+            dropped + self.shared.dropped_cycles.load(Ordering::Relaxed) + self.dropped_others.load(Ordering::Relaxed);
+        status.missing_cycles = run.continuity.missing;
+        status.longest_hole = run.continuity.longest;
         if status.fault.is_none()
             && let Some(fault) = fault
         {
@@ -509,10 +564,10 @@ impl Writer {
 }
 
 impl Run {
-    fn cycle(&mut self, cycle: &TapedCycle, arrived: Option<&(Gait, PreparedGait)>) -> Result<bool, ReplayError> {
-        let mut taken = true;
+    /// What is not taken is counted by the recorder.
+    fn cycle(&mut self, cycle: &TapedCycle, arrived: Option<&(Gait, PreparedGait)>) -> Result<(), ReplayError> {
         if let Some((gait, _)) = arrived {
-            taken &= self.recorder.gait(gait)?;
+            self.recorder.gait(gait)?;
         }
         let input = Input {
             joints: cycle.joints.as_ref(),
@@ -522,7 +577,10 @@ impl Run {
             emergency_stop: cycle.emergency_stop,
             fault: cycle.fault,
         };
-        Ok(taken & self.recorder.cycle(cycle.now, &input, &cycle.output, cycle.effort_nm.as_ref())?)
+        if self.recorder.cycle(cycle.now, &input, &cycle.output, cycle.effort_nm.as_ref())? {
+            self.continuity.cycle(cycle.now, cycle.output.cycles);
+        }
+        Ok(())
     }
 }
 

@@ -10,7 +10,7 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
-use tandem_controller::tape::{Recording, Subject, Tape, folder_name, tape};
+use tandem_controller::tape::{Recording, Subject, Tape, Writer, folder_name, tape};
 
 #[global_allocator]
 static ALLOCATOR: realtime::CountingAllocator = realtime::CountingAllocator;
@@ -28,6 +28,13 @@ struct Bench {
 
 impl Bench {
     fn new(split_bytes: Option<u64>) -> Self {
+        let (mut bench, writer) = Self::without_writer(split_bytes);
+        bench.writer = Some(std::thread::spawn(move || writer.run()));
+        bench
+    }
+
+    /// Whoever calls it turns the writer.
+    fn without_writer(split_bytes: Option<u64>) -> (Self, Writer) {
         let root = Path::new(env!("CARGO_MANIFEST_DIR"));
         let robot = Robot::load(&root.join("../../config/robots/vision60")).unwrap();
         let text = std::fs::read_to_string(root.join("../sim_bridge/tests/data/amble.json")).unwrap();
@@ -43,10 +50,10 @@ impl Bench {
             split_duration: None,
         });
         recording.gait(1, &gait, &prepared);
-        Self {
+        let bench = Self {
             tape,
             recording: Arc::new(recording),
-            writer: Some(std::thread::spawn(move || writer.run())),
+            writer: None,
             controller: Controller::new(config).unwrap(),
             gait: prepared,
             state: JointState {
@@ -58,7 +65,8 @@ impl Bench {
                 drive_error: [0; 12],
             },
             now: Duration::ZERO,
-        }
+        };
+        (bench, writer)
     }
 
     /// One control cycle as the node's thread does it. Gives how often it allocated.
@@ -232,6 +240,12 @@ impl SmallDisk {
             .is_ok_and(|output| output.status.success());
         mounted.then_some(Self(place))
     }
+
+    /// From now on nobody can write there.
+    fn make_read_only(&self) {
+        let output = std::process::Command::new("mount").args(["-o", "remount,ro"]).arg(&self.0).output().unwrap();
+        assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+    }
 }
 
 impl Drop for SmallDisk {
@@ -259,6 +273,73 @@ fn a_full_disk_is_a_fault_and_what_is_on_it_is_recovered() {
     let recovered = bag::recover(disk.0.join("run"), folder.path().join("recovered")).unwrap();
     assert!(recovered.messages > 100, "{recovered:?}");
     assert_eq!(verify(&recovered.folder).unwrap().different, 0);
+}
+
+#[test]
+fn a_read_only_folder_is_a_fault_and_the_robot_walks_on() {
+    let folder = tempfile::tempdir().unwrap();
+    let Some(disk) = SmallDisk::mount(folder.path().join("disk")) else {
+        println!(
+            "skipped: this process may not mount a file system; run as root. /proc stands for a read-only folder above."
+        );
+        return;
+    };
+    disk.make_read_only();
+    let mut bench = Bench::new(None);
+    let error = bench.recording.start(disk.0.join("run")).unwrap_err();
+    assert!(error.contains("cannot create") && error.contains("Read-only file system"), "{error}");
+    assert_eq!(bench.recording.status().fault.as_ref(), Some(&error));
+    bench.run(300);
+    bench.recording.start(folder.path().join("run")).unwrap();
+    bench.run(100);
+    assert_eq!(bench.recording.stop().unwrap().dropped, 0);
+}
+
+/// The writer's thread does not run for 9.5 s: a machine that is too busy. Two seconds fit into the buffer; what does not is a number,
+/// while it is recorded, in the answer, and in the bag.
+#[test]
+fn a_writer_that_is_stalled_leaves_a_hole_of_known_size() {
+    const BUFFER: u64 = 2048;
+    let folder = tempfile::tempdir().unwrap();
+    let (mut bench, mut writer) = Bench::without_writer(None);
+    let place = folder.path().join("run");
+    let recording = Arc::clone(&bench.recording);
+    turn_while(&mut writer, move || recording.start(place)).unwrap();
+    for _ in 0..500 {
+        bench.cycle();
+        writer.turn();
+    }
+    for _ in 0..BUFFER + 7500 {
+        assert_eq!(bench.cycle(), 0, "the cycle allocated");
+    }
+    assert!(writer.turn());
+    for _ in 0..500 {
+        bench.cycle();
+        writer.turn();
+    }
+    let hole = Duration::from_millis(7501);
+    let status = bench.recording.status();
+    assert_eq!((status.dropped, status.missing_cycles, status.longest_hole, &status.fault), (7500, 7500, hole, &None));
+    let recording = Arc::clone(&bench.recording);
+    let done = turn_while(&mut writer, move || recording.stop()).unwrap();
+    assert_eq!(done.dropped, 7500);
+    assert!(done.message.contains("7500 were dropped") && done.message.contains("at most 7.501 s"), "{}", done.message);
+    let found = replay::continuity(&Bag::open(&done.folder).unwrap()).unwrap().unwrap();
+    assert_eq!((found.cycles, found.missing, found.longest), (500 + BUFFER + 500, 7500, hole));
+    let run = replay::read_run(&done.folder).unwrap();
+    assert_eq!(run.missing_cycles, 7500);
+    assert!(run.events.iter().any(|(_, what)| what == "7500 cycles not recorded, 7.501 s"), "{:?}", run.events);
+    let error = verify(&done.folder).unwrap_err().to_string();
+    assert!(error.contains("dropped"), "{error}");
+}
+
+/// Lets the writer work until something that waits for it has its answer.
+fn turn_while<T: Send + 'static>(writer: &mut Writer, ask: impl FnOnce() -> T + Send + 'static) -> T {
+    let asking = std::thread::spawn(ask);
+    while !asking.is_finished() {
+        assert!(writer.turn());
+    }
+    asking.join().unwrap()
 }
 
 #[test]

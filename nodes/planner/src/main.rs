@@ -90,7 +90,11 @@ fn run() -> anyhow::Result<()> {
         (end, response)
     })?;
     tracing::info!("ready");
+    let stop = node.stop();
     node.run();
+    if stop.was_suspended() {
+        anyhow::bail!("the process had been stopped and went on; start it again");
+    }
     Ok(())
 }
 

@@ -81,7 +81,11 @@ fn run() -> anyhow::Result<()> {
     });
     // Nothing else may hold the node up: wait for the simulation's thread first, then leave in order.
     let result = stepping.join();
+    let suspended = node.stop().was_suspended();
     node.shutdown();
+    if suspended {
+        anyhow::bail!("the process had been stopped and went on; start it again");
+    }
     match result {
         Ok(result) => Ok(result?),
         Err(_) => anyhow::bail!("the simulation's thread panicked; the lines above say where"),

@@ -1,7 +1,7 @@
 //! Messages to and from the simulator's own types: the one place where the two meet.
 
 use crate::simulator::RobotState;
-use control::JointCommand;
+use control::{JointCommand, resolution};
 use tandem_msgs::builtin_interfaces::Time;
 use tandem_msgs::geometry_msgs::{Point, Pose, Quaternion, Transform, TransformStamped, Twist, Vector3, WrenchStamped};
 use tandem_msgs::nav_msgs::Odometry;
@@ -20,11 +20,15 @@ fn header(stamp: Time, frame: &str) -> Header {
     Header { stamp, frame_id: frame.into() }
 }
 
-fn vector([x, y, z]: [f64; 3]) -> Vector3 {
+/// What is told of the base and the ground is rounded far below what any sensor resolves: the rest is the noise of computing,
+/// and most of a recording's bytes.
+fn vector(value: [f64; 3], resolution: fn(f64) -> f64) -> Vector3 {
+    let [x, y, z] = value.map(resolution);
     Vector3 { x, y, z }
 }
 
-fn quaternion([x, y, z, w]: [f64; 4]) -> Quaternion {
+fn quaternion(value: [f64; 4]) -> Quaternion {
+    let [x, y, z, w] = value.map(resolution::quaternion);
     Quaternion { x, y, z, w }
 }
 
@@ -44,20 +48,22 @@ pub fn imu(state: &RobotState, orientation_xyzw: [f64; 4], stamp: Time) -> Imu {
     Imu {
         header: header(stamp, IMU_FRAME),
         orientation: quaternion(orientation_xyzw),
-        angular_velocity: vector(state.base_angular_velocity_body),
-        linear_acceleration: vector(state.base_specific_force_body),
+        angular_velocity: vector(state.base_angular_velocity_body, resolution::velocity_rad_s),
+        linear_acceleration: vector(state.base_specific_force_body, resolution::acceleration_m_s2),
         ..Imu::default()
     }
 }
 
 /// The base's true pose in the world and its velocity in its own axes (REP 105).
 pub fn odometry(state: &RobotState, stamp: Time) -> Odometry {
-    let [x, y, z] = state.base_position_m;
+    let [x, y, z] = state.base_position_m.map(resolution::length_m);
     let mut message =
         Odometry { header: header(stamp, ODOM_FRAME), child_frame_id: BASE_FRAME.into(), ..Odometry::default() };
     message.pose.pose = Pose { position: Point { x, y, z }, orientation: quaternion(state.base_quaternion_xyzw) };
-    message.twist.twist =
-        Twist { linear: vector(state.base_linear_velocity_body()), angular: vector(state.base_angular_velocity_body) };
+    message.twist.twist = Twist {
+        linear: vector(state.base_linear_velocity_body(), resolution::velocity_m_s),
+        angular: vector(state.base_angular_velocity_body, resolution::velocity_rad_s),
+    };
     message
 }
 
@@ -68,7 +74,7 @@ pub fn transform(state: &RobotState, stamp: Time) -> TFMessage {
             header: header(stamp, ODOM_FRAME),
             child_frame_id: BASE_FRAME.into(),
             transform: Transform {
-                translation: vector(state.base_position_m),
+                translation: vector(state.base_position_m, resolution::length_m),
                 rotation: quaternion(state.base_quaternion_xyzw),
             },
         }],
@@ -78,7 +84,7 @@ pub fn transform(state: &RobotState, stamp: Time) -> TFMessage {
 /// The ground's force on one toe, in the odometry frame's axes.
 pub fn ground_force(force_n: [f64; 3], stamp: Time) -> WrenchStamped {
     let mut message = WrenchStamped { header: header(stamp, ODOM_FRAME), ..WrenchStamped::default() };
-    message.wrench.force = vector(force_n);
+    message.wrench.force = vector(force_n, resolution::force_n);
     message
 }
 
