@@ -1,4 +1,5 @@
-"""A run's bag is whole for two independent programs: every message decodes with the schemas in the bag, counts match, times rise.
+"""A run's bag is whole for two independent programs: every message decodes with the schemas in the bag, counts match, times rise;
+it is no longer than it may be, and no drive gave more than it can.
 
     python check_run.py TANDEM BAG...
 """
@@ -19,9 +20,14 @@ EVERY_CYCLE = ("/joint_command", "/control_cycle")
 NEEDED = ("/joint_states", *EVERY_CYCLE, "/controller_state", "/gait_file", "/controller_config", "/robot_description")
 
 
+# A minute at 1 kHz, compressed, with what is known of the base and the ground.
+MOST_BYTES_A_MINUTE = 15e6
+DRIVE_TORQUE_NM = 87.5
+
+
 def with_rosbags(folder):
     store = get_typestore(Stores.EMPTY)
-    counts, last, cycles = {}, 0, []
+    counts, last, cycles, largest_nm = {}, 0, [], 0.0
     with Reader(folder) as reader:
         for connection in reader.connections:
             types = embedded_types(connection.msgdef.data, connection.msgtype)
@@ -32,11 +38,14 @@ def with_rosbags(folder):
             message = store.deserialize_cdr(raw, connection.msgtype)
             if connection.topic == "/control_cycle":
                 cycles.append(message.index)
+            elif connection.topic == "/joint_states":
+                largest_nm = max(largest_nm, max(map(abs, message.effort)))
             counts[connection.topic] = counts.get(connection.topic, 0) + 1
         declared = {connection.topic: connection.msgcount for connection in reader.connections if connection.msgcount}
         check(counts == declared, f"{folder}: rosbags found {counts}, metadata.yaml says {declared}")
     check(cycles == list(range(cycles[0], cycles[0] + len(cycles))), f"{folder}: a control cycle is missing")
-    return counts
+    check(largest_nm <= DRIVE_TORQUE_NM, f"{folder}: a drive gave {largest_nm} N m, its limit is {DRIVE_TORQUE_NM}")
+    return counts, largest_nm
 
 
 def with_mcap(folder):
@@ -51,7 +60,7 @@ def with_mcap(folder):
 def main():
     tandem = sys.argv[1]
     for folder in map(pathlib.Path, sys.argv[2:]):
-        counts = with_rosbags(folder)
+        counts, largest_nm = with_rosbags(folder)
         others = with_mcap(folder)
         check(counts == others, f"{folder}: rosbags found {counts}, mcap {others}")
         info = json.loads(subprocess.run([tandem, "bag", "info", "--json", folder], check=True, capture_output=True, text=True).stdout)
@@ -60,7 +69,11 @@ def main():
         for topic in NEEDED:
             check(topic in counts, f"{folder}: nothing on {topic}")
         check(len({counts[topic] for topic in EVERY_CYCLE}) == 1, f"{folder}: {counts}")
-        print(f"{folder.name}: {sum(counts.values())} messages on {len(counts)} topics decode with the bag's own schemas, by rosbags and by mcap")
+        check(info["missing_cycles"] == 0, f"{folder}: {info['missing_cycles']} cycles are missing")
+        a_minute = info["bytes"] / info["duration_s"] * 60
+        check(a_minute <= MOST_BYTES_A_MINUTE, f"{folder}: {a_minute * 1e-6:.1f} MB a minute")
+        print(f"{folder.name}: {sum(counts.values())} messages on {len(counts)} topics decode with the bag's own schemas, by rosbags and by mcap;"
+              f" {a_minute * 1e-6:.1f} MB a minute, at most {largest_nm:.1f} N m")
 
 
 main()
