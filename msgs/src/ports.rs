@@ -1,20 +1,23 @@
 //! The gait message and the gait: planner, controller and recorder convert here, in one place.
 
 use gait::bezier::DEGREE;
-use gait::{Coefficients, InitialState, JOINTS, Mirror, SolverSummary};
+use gait::{Coefficients, InitialState, JOINTS, Mirror, SecondStep, SolverSummary};
 
 use crate::geometry_msgs::{Point, Pose, Quaternion, Twist, Vector3};
 use crate::std_msgs::Header;
 use crate::{Gait, SolverReport};
 
-/// Version of the gait message's schema; that of the gait file.
+/// Version of the gait message's schema, that of the gait file: 1, or 2 with a second step of its own.
 pub const GAIT_VERSION: u32 = gait::FILE_VERSION as u32;
+const GAIT_VERSION_TWO_STEPS: u32 = gait::FILE_VERSION_TWO_STEPS as u32;
 
 /// Why a gait message was refused.
 #[derive(Debug, thiserror::Error)]
 pub enum GaitMessageError {
     /// Another version.
-    #[error("gait message: version is {found}, expected {GAIT_VERSION}: run planner and controller of one release")]
+    #[error(
+        "gait message: version is {found}, expected {GAIT_VERSION} or {GAIT_VERSION_TWO_STEPS}: run planner and controller of one release"
+    )]
     Version {
         /// What the message says.
         found: u32,
@@ -26,6 +29,18 @@ pub enum GaitMessageError {
         gait: String,
         /// What the message says.
         found: u8,
+    },
+    /// A second step in a version that has none, or none in one that has.
+    #[error(
+        "gait message \"{gait}\": version {version} with {found} second coefficients: version {GAIT_VERSION} has none, version {GAIT_VERSION_TWO_STEPS} a second step"
+    )]
+    SecondStep {
+        /// The gait's name.
+        gait: String,
+        /// What the message says.
+        version: u32,
+        /// How many coefficients there are.
+        found: usize,
     },
     /// An array of another length.
     #[error("gait message \"{gait}\": {field} has {found} entries, expected {expected}")]
@@ -62,9 +77,11 @@ impl Gait {
     pub fn from_gait(gait: &gait::Gait) -> Self {
         let [x, y, z] = gait.initial.base_position_m;
         let [qx, qy, qz, qw] = gait.initial.base_quaternion_xyzw;
+        let flat = |rows: Option<&[Coefficients; JOINTS]>| rows.map_or(Vec::new(), |rows| rows.as_flattened().to_vec());
+        let second = gait.second_step.as_ref();
         Gait {
             header: Header { frame_id: "odom".to_string(), ..Header::default() },
-            version: GAIT_VERSION,
+            version: if second.is_some() { GAIT_VERSION_TWO_STEPS } else { GAIT_VERSION },
             robot: gait.robot.clone(),
             name: gait.name.clone(),
             joint_names: gait.joint_names.to_vec(),
@@ -73,6 +90,8 @@ impl Gait {
             bezier_degree: DEGREE as u8,
             coefficients_rad: gait.coefficients_rad.as_flattened().to_vec(),
             reference_coefficients_rad: gait.reference_coefficients_rad.as_flattened().to_vec(),
+            second_coefficients_rad: flat(second.map(|s| &s.coefficients_rad)),
+            second_reference_coefficients_rad: flat(second.map(|s| &s.reference_coefficients_rad)),
             // Below four: a mirror is a permutation of the legs.
             mirror_leg: gait.mirror.leg.iter().map(|leg| *leg as u8).collect(),
             mirror_sign: gait.mirror.sign.to_vec(),
@@ -106,8 +125,16 @@ impl Gait {
     /// # Errors
     /// Names the field, what it holds and what was expected.
     pub fn to_gait(&self) -> Result<gait::Gait, GaitMessageError> {
-        if self.version != GAIT_VERSION {
+        if ![GAIT_VERSION, GAIT_VERSION_TWO_STEPS].contains(&self.version) {
             return Err(GaitMessageError::Version { found: self.version });
+        }
+        let second_entries = self.second_coefficients_rad.len() + self.second_reference_coefficients_rad.len();
+        if (self.version == GAIT_VERSION_TWO_STEPS) != (second_entries > 0) {
+            return Err(GaitMessageError::SecondStep {
+                gait: self.name.clone(),
+                version: self.version,
+                found: second_entries,
+            });
         }
         if usize::from(self.bezier_degree) != DEGREE {
             return Err(GaitMessageError::Degree { gait: self.name.clone(), found: self.bezier_degree });
@@ -122,6 +149,15 @@ impl Gait {
             step_length_m: self.step_length_m,
             coefficients_rad: self.rows("coefficients_rad", &self.coefficients_rad)?,
             mirror: Mirror { leg: mirror_leg.map(usize::from), sign: self.array("mirror_sign", &self.mirror_sign)? },
+            second_step: if second_entries > 0 {
+                Some(SecondStep {
+                    coefficients_rad: self.rows("second_coefficients_rad", &self.second_coefficients_rad)?,
+                    reference_coefficients_rad: self
+                        .rows("second_reference_coefficients_rad", &self.second_reference_coefficients_rad)?,
+                })
+            } else {
+                None
+            },
             initial: InitialState {
                 base_position_m: [pose.position.x, pose.position.y, pose.position.z],
                 base_quaternion_xyzw: [pose.orientation.x, pose.orientation.y, pose.orientation.z, pose.orientation.w],
@@ -179,6 +215,7 @@ mod tests {
             step_length_m: 0.0,
             coefficients_rad: joint.map(|v| [v; 6]),
             mirror: Mirror { leg: [2, 3, 0, 1], sign: [-1.0, 1.0, 1.0] },
+            second_step: None,
             initial: InitialState {
                 base_position_m: [0.01, 0.02, 0.58],
                 base_quaternion_xyzw: [0.0, 0.0, 0.6, 0.8],
@@ -204,8 +241,15 @@ mod tests {
 
     #[test]
     fn a_gait_comes_back_as_it_went() {
-        let gait = standing();
+        let mut gait = standing();
         gait.validate().expect("the fixture is a gait");
+        assert_eq!(Gait::from_gait(&gait).version, 1);
+        assert_eq!(Gait::from_gait(&gait).to_gait().unwrap(), gait);
+        gait.second_step = Some(SecondStep {
+            coefficients_rad: gait.coefficients_rad.map(|row| row.map(|c| c + 0.01)),
+            reference_coefficients_rad: gait.coefficients_rad.map(|row| row.map(|c| c + 0.2)),
+        });
+        assert_eq!(Gait::from_gait(&gait).version, 2);
         assert_eq!(Gait::from_gait(&gait).to_gait().unwrap(), gait);
     }
 
@@ -219,8 +263,14 @@ mod tests {
     #[test]
     fn wrong_messages_are_refused_with_the_field_named() {
         type Break = fn(&mut Gait);
-        let cases: [(&str, Break); 8] = [
-            ("version is 2, expected 1", |m| m.version = 2),
+        let cases: [(&str, Break); 11] = [
+            ("version is 3, expected 1 or 2", |m| m.version = 3),
+            ("version 2 with 0 second coefficients", |m| m.version = 2),
+            ("version 1 with 72 second coefficients", |m| m.second_coefficients_rad = m.coefficients_rad.clone()),
+            ("second_reference_coefficients_rad has 0 entries, expected 72", |m| {
+                m.version = 2;
+                m.second_coefficients_rad = m.coefficients_rad.clone();
+            }),
             ("bezier_degree is 4, expected 5", |m| m.bezier_degree = 4),
             ("coefficients_rad has 71 entries, expected 72", |m| {
                 m.coefficients_rad.pop();

@@ -98,6 +98,11 @@ messages! { "tandem_msgs";
         coefficients_rad: Vec<f64>,
         /// The compensated reference that the tracking law follows, rad: row-major 12 x (degree + 1).
         reference_coefficients_rad: Vec<f64>,
+        /// The second step's own planned joints (legs 0 and 3 stand), not mirrored, rad: row-major 12 x (degree + 1); empty where the
+        /// mirror gives them.
+        second_coefficients_rad: Vec<f64>,
+        /// The second step's own reference, rad: as `second_coefficients_rad`.
+        second_reference_coefficients_rad: Vec<f64>,
         /// The next step: row of leg i, joint k = `mirror_sign[k]` * row of leg `mirror_leg[i]`.
         mirror_leg: Vec<u8>,
         /// 3 entries, each 1 or -1.

@@ -16,8 +16,24 @@ pub struct PreparedGait {
     /// Reference minus plan.
     compensation_rad: [Coefficients; JOINTS],
     mirror: Mirror,
+    /// The second step's own polynomials, where it is no mirror image of the first.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    second: Option<Polynomials>,
     kp: [f64; JOINTS],
     kd: [f64; JOINTS],
+}
+
+/// A step's polynomials.
+#[derive(Clone, Copy, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
+struct Polynomials {
+    planned_rad: [Coefficients; JOINTS],
+    /// Reference minus plan.
+    compensation_rad: [Coefficients; JOINTS],
+}
+
+/// `reference` minus `planned`.
+fn compensation(reference: &[Coefficients; JOINTS], planned: &[Coefficients; JOINTS]) -> [Coefficients; JOINTS] {
+    std::array::from_fn(|j| std::array::from_fn(|i| reference[j][i] - planned[j][i]))
 }
 
 /// One instant of a gait.
@@ -60,10 +76,12 @@ impl PreparedGait {
             name: GaitName::new(&gait.name),
             step_duration_s: gait.step_duration_s,
             planned_rad: gait.coefficients_rad,
-            compensation_rad: std::array::from_fn(|j| {
-                std::array::from_fn(|i| gait.reference_coefficients_rad[j][i] - gait.coefficients_rad[j][i])
-            }),
+            compensation_rad: compensation(&gait.reference_coefficients_rad, &gait.coefficients_rad),
             mirror: gait.mirror,
+            second: gait.second_step.as_ref().map(|second| Polynomials {
+                planned_rad: second.coefficients_rad,
+                compensation_rad: compensation(&second.reference_coefficients_rad, &second.coefficients_rad),
+            }),
             kp: gait.kp,
             kd: gait.kd,
         };
@@ -100,22 +118,26 @@ impl PreparedGait {
     pub fn at(&self, side: StepSide, s: f64) -> Instant {
         let (value, slope) = (bezier::basis(s), bezier::basis_first_derivative(s));
         let rate = 1.0 / self.step_duration_s;
+        let (planned_rad, compensation_rad) = match (side, &self.second) {
+            (StepSide::Mirrored, Some(second)) => (&second.planned_rad, &second.compensation_rad),
+            _ => (&self.planned_rad, &self.compensation_rad),
+        };
         let planned: [(f64, f64); JOINTS] = std::array::from_fn(|j| {
-            let c = &self.planned_rad[j];
+            let c = &planned_rad[j];
             (bezier::combine(c, &value), bezier::combine(c, &slope) * rate)
         });
         let torque: [f64; JOINTS] = std::array::from_fn(|j| {
-            let c = &self.compensation_rad[j];
+            let c = &compensation_rad[j];
             self.kp[j] * bezier::combine(c, &value) + self.kd[j] * bezier::combine(c, &slope) * rate
         });
         let (position_rad, velocity_rad_s) = (planned.map(|p| p.0), planned.map(|p| p.1));
-        match side {
-            StepSide::First => Instant { position_rad, velocity_rad_s, torque_nm: torque },
-            StepSide::Mirrored => Instant {
-                position_rad: self.mirror.apply(&position_rad),
-                velocity_rad_s: self.mirror.apply(&velocity_rad_s),
-                torque_nm: self.mirror.apply(&torque),
-            },
+        if side == StepSide::First || self.second.is_some() {
+            return Instant { position_rad, velocity_rad_s, torque_nm: torque };
+        }
+        Instant {
+            position_rad: self.mirror.apply(&position_rad),
+            velocity_rad_s: self.mirror.apply(&velocity_rad_s),
+            torque_nm: self.mirror.apply(&torque),
         }
     }
 
@@ -139,12 +161,13 @@ impl PreparedGait {
         self.gains(&self.kd, side)
     }
 
-    /// The mirrored step's torques are the first step's on the other side, and so are the gains that give them.
+    /// The mirrored step's torques are the first step's on the other side, and so are the gains that give them. A second step of
+    /// its own has its reference made for the joints' own gains.
     fn gains(&self, gains: &[f64; JOINTS], side: StepSide) -> [f64; JOINTS] {
-        match side {
-            StepSide::First => *gains,
-            StepSide::Mirrored => std::array::from_fn(|j| gains[self.mirror.source(j).0]),
+        if side == StepSide::First || self.second.is_some() {
+            return *gains;
         }
+        std::array::from_fn(|j| gains[self.mirror.source(j).0])
     }
 }
 

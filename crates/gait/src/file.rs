@@ -1,12 +1,16 @@
-//! The gait file: JSON, format "tandem-gait", version 1.
+//! The gait file: JSON, format "tandem-gait". Version 1 is a gait whose second step mirrors the first; version 2 is version 1 and
+//! a `second_step` of its own. A gait is written in the lowest version that can carry it, so that a reader of version 1 reads
+//! every gait that it can walk, and refuses, by its version, a gait that it would walk wrongly.
 
-use crate::{Coefficients, Gait, GaitError, InitialState, JOINTS, Mirror, SolverSummary, bezier};
+use crate::{Coefficients, Gait, GaitError, InitialState, JOINTS, Mirror, SecondStep, SolverSummary, bezier};
 use serde::{Deserialize, Serialize};
 
 /// `format` of every gait file.
 pub const FILE_FORMAT: &str = "tandem-gait";
-/// The one version that this software reads and writes.
+/// Version of a file whose second step mirrors the first.
 pub const FILE_VERSION: u64 = 1;
+/// Version of a file with a second step of its own.
+pub const FILE_VERSION_TWO_STEPS: u64 = 2;
 
 /// Read before everything else, so that a file of another version is named as such and not as a missing field.
 #[derive(Deserialize)]
@@ -28,6 +32,8 @@ struct GaitFile {
     bezier_degree: usize,
     coefficients_rad: [Coefficients; JOINTS],
     mirror: Mirror,
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    second_step: Option<SecondStep>,
     initial: InitialState,
     reference_coefficients_rad: [Coefficients; JOINTS],
     gains: Gains,
@@ -43,6 +49,11 @@ struct Gains {
     kd: [f64; JOINTS],
 }
 
+/// The lowest version that can carry a gait.
+fn version_of(second_step: Option<&SecondStep>) -> u64 {
+    if second_step.is_some() { FILE_VERSION_TWO_STEPS } else { FILE_VERSION }
+}
+
 impl Gait {
     /// Reads a gait file's text and checks every value.
     pub fn from_json(text: &str) -> Result<Self, GaitError> {
@@ -50,10 +61,21 @@ impl Gait {
         if header.format != FILE_FORMAT {
             return Err(GaitError::Format { found: header.format });
         }
-        if header.version != FILE_VERSION {
+        if ![FILE_VERSION, FILE_VERSION_TWO_STEPS].contains(&header.version) {
             return Err(GaitError::Version { found: header.version });
         }
         let f: GaitFile = serde_json::from_str(text)?;
+        if version_of(f.second_step.as_ref()) != header.version {
+            let has = if f.second_step.is_some() { "has" } else { "has no" };
+            return Err(GaitError::Value {
+                gait: f.name,
+                field: "second_step".into(),
+                problem: format!(
+                    "does not fit: version {} {has} second step; {FILE_VERSION_TWO_STEPS} has one, {FILE_VERSION} none",
+                    header.version
+                ),
+            });
+        }
         let gait = Gait {
             robot: f.robot,
             name: f.name,
@@ -62,6 +84,7 @@ impl Gait {
             step_length_m: f.step_length_m,
             coefficients_rad: f.coefficients_rad,
             mirror: f.mirror,
+            second_step: f.second_step,
             initial: f.initial,
             reference_coefficients_rad: f.reference_coefficients_rad,
             kp: f.gains.kp,
@@ -86,7 +109,7 @@ impl Gait {
         let g = self.clone();
         let file = GaitFile {
             format: FILE_FORMAT.into(),
-            version: FILE_VERSION,
+            version: version_of(g.second_step.as_ref()),
             robot: g.robot,
             name: g.name,
             joint_names: g.joint_names,
@@ -95,6 +118,7 @@ impl Gait {
             bezier_degree: bezier::DEGREE,
             coefficients_rad: g.coefficients_rad,
             mirror: g.mirror,
+            second_step: g.second_step,
             initial: g.initial,
             reference_coefficients_rad: g.reference_coefficients_rad,
             gains: Gains { kp: g.kp, kd: g.kd },
@@ -125,6 +149,7 @@ mod tests {
             step_length_m: 0.0,
             coefficients_rad: rows,
             mirror: Mirror { leg: [2, 3, 0, 1], sign: [-1.0, 1.0, 1.0] },
+            second_step: None,
             initial: InitialState {
                 base_position_m: [0.0, 0.0, 0.5825],
                 base_quaternion_xyzw: [0.0, 0.0, 0.0, 1.0],
@@ -168,15 +193,51 @@ mod tests {
     #[test]
     fn another_version_is_named_before_any_missing_field() {
         let e = Gait::from_json(r#"{"format": "tandem-gait", "version": 7}"#).unwrap_err().to_string();
-        assert!(e.contains("version is 7, expected 1"), "{e}");
+        assert!(e.contains("version is 7, expected 1 or 2"), "{e}");
         let e = Gait::from_json(r#"{"format": "urdf", "version": 1}"#).unwrap_err().to_string();
         assert!(e.contains("format is \"urdf\""), "{e}");
     }
 
     #[test]
+    fn a_second_step_makes_version_2_and_is_walked_as_it_stands() {
+        let mirrored = standing();
+        assert!(mirrored.to_json().contains("\"version\": 1,") && !mirrored.to_json().contains("second_step"));
+        let mut gait = mirrored.clone();
+        // A lean that no mirror gives: the second step differs from the first one's mirror image.
+        let lean = |rows: [Coefficients; JOINTS], by: f64| rows.map(|row| row.map(|c| c + by));
+        let rows = lean(gait.coefficients_rad, 0.01);
+        gait.second_step =
+            Some(SecondStep { coefficients_rad: rows, reference_coefficients_rad: lean(gait.coefficients_rad, 0.2) });
+        let text = gait.to_json();
+        assert!(text.contains("\"version\": 2,"), "{text}");
+        let again = Gait::from_json(&text).unwrap();
+        assert_eq!(again, gait);
+        assert_eq!(again.planned(StepSide::Mirrored, 0.5).0[0], rows[0][0]);
+        assert!((again.reference(StepSide::Mirrored, 0.5).0[0] - rows[0][0] - 0.19).abs() < 1e-12);
+        assert_eq!(again.planned(StepSide::First, 0.5), mirrored.planned(StepSide::First, 0.5));
+        // A file that says one thing and holds the other is refused.
+        for (from, to, text) in [("2", "1", &text), ("1", "2", &mirrored.to_json())] {
+            let text = text.replace(&format!("\"version\": {from},"), &format!("\"version\": {to},"));
+            let e = Gait::from_json(&text).unwrap_err().to_string();
+            assert!(e.contains("second_step does not fit"), "{e}");
+        }
+    }
+
+    #[test]
     fn bad_values_are_named() {
         type Case = (&'static str, fn(&mut Gait));
-        let cases: [Case; 9] = [
+        let cases: [Case; 11] = [
+            ("second_step.coefficients_rad let joint_0 jump", |g| {
+                let mut rows = g.coefficients_rad;
+                rows[0][5] += 0.1;
+                g.second_step = Some(SecondStep { coefficients_rad: rows, reference_coefficients_rad: rows });
+            }),
+            ("second_step.reference_coefficients_rad[6] is NaN", |g| {
+                let mut rows = g.coefficients_rad;
+                rows[1][0] = f64::NAN;
+                g.second_step =
+                    Some(SecondStep { coefficients_rad: g.coefficients_rad, reference_coefficients_rad: rows });
+            }),
             ("step_duration_s is NaN", |g| g.step_duration_s = f64::NAN),
             ("coefficients_rad[13] is NaN", |g| g.coefficients_rad[2][1] = f64::NAN),
             ("gains.kp[3] is -1", |g| g.kp[3] = -1.0),

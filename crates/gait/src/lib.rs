@@ -16,7 +16,7 @@ pub mod bezier;
 mod file;
 
 pub use bezier::Coefficients;
-pub use file::{FILE_FORMAT, FILE_VERSION};
+pub use file::{FILE_FORMAT, FILE_VERSION, FILE_VERSION_TWO_STEPS};
 
 /// Legs of a quadruped.
 pub const LEGS: usize = 4;
@@ -25,12 +25,12 @@ pub const JOINTS_PER_LEG: usize = 3;
 /// Actuated joints in all.
 pub const JOINTS: usize = LEGS * JOINTS_PER_LEG;
 
-/// Which of two mirrored steps.
+/// Which of the two steps of a stride.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum StepSide {
     /// Legs 1 and 2 stand: the step that the gait's coefficients describe.
     First,
-    /// Legs 0 and 3 stand: the left–right mirror of the first.
+    /// Legs 0 and 3 stand: the left–right mirror of the first, or the gait's own second step.
     Mirrored,
 }
 
@@ -109,6 +109,17 @@ pub struct SolverSummary {
     pub objective: f64,
 }
 
+/// The second step of a gait whose two steps are no mirror images of each other, as on a sideways slope: legs 0 and 3 stand.
+/// Its joints are the robot's own, in the same order as the first step's, not mirrored.
+#[derive(Clone, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct SecondStep {
+    /// Planned joints over the second step, rad.
+    pub coefficients_rad: [Coefficients; JOINTS],
+    /// What the tracking law follows in the second step, rad.
+    pub reference_coefficients_rad: [Coefficients; JOINTS],
+}
+
 /// A gait that has passed every check of [`Gait::from_json`] or [`Gait::validate`].
 #[derive(Clone, Debug, PartialEq)]
 pub struct Gait {
@@ -126,6 +137,8 @@ pub struct Gait {
     pub coefficients_rad: [Coefficients; JOINTS],
     /// The mirror that gives the next step.
     pub mirror: Mirror,
+    /// The next step's own polynomials, where the mirror does not give them.
+    pub second_step: Option<SecondStep>,
     /// State at the start of the first step.
     pub initial: InitialState,
     /// What the tracking law follows, rad: the compensated reference, which makes the bare law give the planned torque on
@@ -157,7 +170,7 @@ pub enum GaitError {
     },
     /// A version this software does not read.
     #[error(
-        "gait file: version is {found}, expected {FILE_VERSION}: plan the gait again with this version's `tandem plan`"
+        "gait file: version is {found}, expected {FILE_VERSION} or {FILE_VERSION_TWO_STEPS}: plan the gait again with this version's `tandem plan`"
     )]
     Version {
         /// What the file says.
@@ -194,26 +207,48 @@ impl From<serde_json::Error> for GaitError {
 impl Gait {
     /// What the tracking law follows at phase `s` ∈ [0, 1] of a step: positions rad, velocities rad/s. Does not allocate.
     pub fn reference(&self, side: StepSide, s: f64) -> ([f64; JOINTS], [f64; JOINTS]) {
-        self.evaluate(&self.reference_coefficients_rad, side, s)
+        let second = self.second_step.as_ref().map(|second| &second.reference_coefficients_rad);
+        self.evaluate(&self.reference_coefficients_rad, second, side, s)
     }
 
     /// The planned joints at phase `s` ∈ [0, 1] of a step: positions rad, velocities rad/s. Does not allocate.
     pub fn planned(&self, side: StepSide, s: f64) -> ([f64; JOINTS], [f64; JOINTS]) {
-        self.evaluate(&self.coefficients_rad, side, s)
+        let second = self.second_step.as_ref().map(|second| &second.coefficients_rad);
+        self.evaluate(&self.coefficients_rad, second, side, s)
+    }
+
+    /// The planned joints' polynomials in the step of `side`, rad. Does not allocate.
+    pub fn planned_coefficients(&self, side: StepSide) -> [Coefficients; JOINTS] {
+        match (side, &self.second_step) {
+            (StepSide::First, _) => self.coefficients_rad,
+            (StepSide::Mirrored, Some(second)) => second.coefficients_rad,
+            (StepSide::Mirrored, None) => std::array::from_fn(|row| {
+                let (from, sign) = self.mirror.source(row);
+                self.coefficients_rad[from].map(|c| sign * c)
+            }),
+        }
     }
 
     fn evaluate(
         &self,
-        coefficients: &[Coefficients; JOINTS],
+        first: &[Coefficients; JOINTS],
+        second: Option<&[Coefficients; JOINTS]>,
         side: StepSide,
         s: f64,
     ) -> ([f64; JOINTS], [f64; JOINTS]) {
         let (value, slope) = (bezier::basis(s), bezier::basis_first_derivative(s));
-        let position = std::array::from_fn(|j| bezier::combine(&coefficients[j], &value));
-        let velocity = std::array::from_fn(|j| bezier::combine(&coefficients[j], &slope) / self.step_duration_s);
-        match side {
-            StepSide::First => (position, velocity),
-            StepSide::Mirrored => (self.mirror.apply(&position), self.mirror.apply(&velocity)),
+        let at = |coefficients: &[Coefficients; JOINTS]| {
+            let position = std::array::from_fn(|j| bezier::combine(&coefficients[j], &value));
+            let velocity = std::array::from_fn(|j| bezier::combine(&coefficients[j], &slope) / self.step_duration_s);
+            (position, velocity)
+        };
+        match (side, second) {
+            (StepSide::First, _) => at(first),
+            (StepSide::Mirrored, Some(second)) => at(second),
+            (StepSide::Mirrored, None) => {
+                let (position, velocity) = at(first);
+                (self.mirror.apply(&position), self.mirror.apply(&velocity))
+            }
         }
     }
 
@@ -246,7 +281,7 @@ impl Gait {
         GaitError::Value { gait: self.name.clone(), field: field.into(), problem: problem.into() }
     }
 
-    /// Checks every value: finite, in range, and the step's end meeting the mirrored start.
+    /// Checks every value: finite, in range, and each step's end meeting the next one's start.
     pub fn validate(&self) -> Result<(), GaitError> {
         let finite = |field: &str, values: &[f64]| match values.iter().position(|v| !v.is_finite()) {
             Some(i) => Err(self.refuse(format!("{field}[{i}]"), format!("is {}, expected a finite number", values[i]))),
@@ -259,6 +294,10 @@ impl Gait {
         finite("step_length_m", &[self.step_length_m])?;
         finite("coefficients_rad", self.coefficients_rad.as_flattened())?;
         finite("reference_coefficients_rad", self.reference_coefficients_rad.as_flattened())?;
+        if let Some(second) = &self.second_step {
+            finite("second_step.coefficients_rad", second.coefficients_rad.as_flattened())?;
+            finite("second_step.reference_coefficients_rad", second.reference_coefficients_rad.as_flattened())?;
+        }
         let i = &self.initial;
         finite("initial.base_position_m", &i.base_position_m)?;
         finite("initial.base_quaternion_xyzw", &i.base_quaternion_xyzw)?;
@@ -309,23 +348,29 @@ impl Gait {
         self.check_continuity()
     }
 
-    /// A jump of the planned joints at the switch would be a blow to the drives.
+    /// A jump of the planned joints at a switch would be a blow to the drives.
     fn check_continuity(&self) -> Result<(), GaitError> {
         const JUMP_RAD: f64 = 0.02;
         let (start, _) = self.planned(StepSide::First, 0.0);
-        let (end, _) = self.planned(StepSide::First, 1.0);
-        let next = self.mirror.apply(&start);
-        for j in 0..JOINTS {
-            if (end[j] - next[j]).abs() > JUMP_RAD {
-                return Err(self.refuse(
-                    "coefficients_rad",
-                    format!(
-                        "let {} jump by {:.3} rad at the switch of steps, expected at most {JUMP_RAD}",
-                        self.joint_names[j],
-                        end[j] - next[j]
-                    ),
-                ));
+        for (side, field) in
+            [(StepSide::First, "coefficients_rad"), (StepSide::Mirrored, "second_step.coefficients_rad")]
+        {
+            let (end, _) = self.planned(side, 1.0);
+            let (next, _) = self.planned(side.other(), 0.0);
+            for j in 0..JOINTS {
+                if (end[j] - next[j]).abs() > JUMP_RAD {
+                    return Err(self.refuse(
+                        field,
+                        format!(
+                            "let {} jump by {:.3} rad at the switch of steps, expected at most {JUMP_RAD}",
+                            self.joint_names[j],
+                            end[j] - next[j]
+                        ),
+                    ));
+                }
             }
+        }
+        for j in 0..JOINTS {
             let initial = self.initial.joint_position_rad[j];
             if (start[j] - initial).abs() > JUMP_RAD {
                 return Err(self.refuse(

@@ -3,13 +3,21 @@
 //! ([`plan_full_order`]). The rear legs are not tied to the front ones by a pairing, so its optimum can only be lower; for the
 //! Vision 60's gaits it costs about half.
 //!
-//! Redundant rows are left out as in [`crate::DecomposedProgram`]; without the pairing all six rows of the soft touchdown count.
+//! Two requests need it. On a sideways slope a step's mirror image is no step: two steps are planned, each with its own polynomials and
+//! stance toes, joined by q and q̇ at the first switch and closed over the stride. And the reference may be planned inside the
+//! program ([`Reference::InProgram`]): the polynomials are then what the tracking law follows, its torque stands in place of
+//! y = 0, and the joints are where that leads them.
+//!
+//! Redundant rows are left out as in [`crate::DecomposedProgram`]; without the pairing all six rows of a soft touchdown count.
 
 use crate::program::{DecomposedProgram, Places, ProgramSettings, STANCE_ROLL, Sink, ValuesSink, three};
 use crate::recompose::{self, PlanPoint};
 use crate::request::GaitRequest;
-use crate::{Plan, PlanError, PlanOptions, WarmStart, guess, leg_length_m, not_converged, on_slope, program_of};
-use gait::{JOINTS, SolverSummary, bezier};
+use crate::{
+    Plan, PlanError, PlanOptions, Planner, Reference, SubproblemSolver, WarmStart, guess, leg_length_m, not_converged,
+    on_slope, program_of,
+};
+use gait::{Coefficients, JOINTS, SecondStep, SolverSummary, bezier};
 use nlp::{Bounds, Evaluation, Iteration, Pattern, Problem, SqpSolver, Status};
 use rigid_body::{Data, last_point_kinematics, last_point_kinematics_derivatives, rnea, rnea_derivatives};
 use robot::Robot;
@@ -17,29 +25,21 @@ use std::ops::ControlFlow;
 
 const DOF: usize = 18;
 const COEFFICIENTS: usize = bezier::DEGREE + 1;
-/// Stance and swing legs of the step that is planned.
+/// Stance and swing legs of the first step; the second step's are their mirror images.
 const STANCE: [usize; 2] = [1, 2];
 const SWING: [usize; 2] = [0, 3];
 /// The stance hip roll whose ÿ row the fixed distance of the stance toes makes redundant: leg 2's.
 const LEG_2_ROLL: usize = 6;
 
-/// Where the unknowns lie.
+/// Where a point's unknowns lie within it.
 mod at {
-    use super::{COEFFICIENTS, DOF, JOINTS};
-    pub const T: usize = JOINTS * COEFFICIENTS;
-    pub const POINTS: usize = T + 1;
+    use super::{DOF, JOINTS};
     pub const Q: usize = 0;
     pub const V: usize = Q + DOF;
     pub const A: usize = V + DOF;
     pub const U: usize = A + DOF;
     pub const LAMBDA: usize = U + JOINTS;
     pub const POINT: usize = LAMBDA + 6;
-    pub fn alpha(k: usize, joint: usize) -> usize {
-        k * JOINTS + joint
-    }
-    pub fn point(index: usize) -> usize {
-        POINTS + POINT * index
-    }
 }
 
 /// Rows of a point.
@@ -51,8 +51,69 @@ mod rows {
     pub const SWING: usize = 44;
     pub const COUNT: usize = 46;
     pub const INTERVAL: usize = 72;
-    pub const FIRST: usize = 27;
-    pub const BOUNDARY: usize = 42;
+    /// Stance toes on the floor, their distance; then, where the joints are prescribed, y = ẏ = 0.
+    pub const FLOOR: usize = 3;
+    /// q, q̇ at a switch, and the soft touchdown.
+    pub const SWITCH: usize = 42;
+    /// Over a stride: the body's y and yaw are opposite at the two switches, as the mirror makes them.
+    pub const CENTRED: [usize; 2] = [1, 5];
+}
+
+/// Where unknowns and rows lie. Points are counted through both steps: a switch has two, the last of one step and the first of
+/// the next.
+#[derive(Clone, Copy)]
+struct Layout {
+    /// 1: a step and its mirror image; 2: a stride.
+    steps: usize,
+    /// Points of a step.
+    points: usize,
+    /// Whether the polynomials are the joints' own, and not the reference that they follow.
+    joints_prescribed: bool,
+}
+
+impl Layout {
+    fn alpha(&self, step: usize, k: usize, joint: usize) -> usize {
+        (step * COEFFICIENTS + k) * JOINTS + joint
+    }
+    fn t(&self) -> usize {
+        self.steps * COEFFICIENTS * JOINTS
+    }
+    fn all_points(&self) -> usize {
+        self.steps * self.points
+    }
+    /// Start of a point's unknowns.
+    fn point(&self, index: usize) -> usize {
+        self.t() + 1 + at::POINT * index
+    }
+    fn phase(&self, index: usize) -> f64 {
+        (index % self.points) as f64 / (self.points - 1) as f64
+    }
+    /// First row of a Hermite–Simpson interval, counted through both steps.
+    fn interval(&self, index: usize) -> usize {
+        rows::COUNT * self.all_points() + rows::INTERVAL * index
+    }
+    fn intervals(&self) -> usize {
+        self.steps * (self.points / 2)
+    }
+    /// The three points of an interval.
+    fn points_of(&self, interval: usize) -> [usize; 3] {
+        let (step, inside) = (interval / (self.points / 2), interval % (self.points / 2));
+        std::array::from_fn(|k| step * self.points + 2 * inside + k)
+    }
+    fn first_rows(&self) -> usize {
+        rows::FLOOR + if self.joints_prescribed { 2 * JOINTS } else { 0 }
+    }
+    /// First row of what holds where a step begins.
+    fn first(&self, step: usize) -> usize {
+        self.interval(self.intervals()) + self.first_rows() * step
+    }
+    /// First row of what holds where a step ends.
+    fn switch(&self, step: usize) -> usize {
+        self.first(self.steps) + rows::SWITCH * step
+    }
+    fn rows(&self) -> usize {
+        self.switch(self.steps) + if self.steps == 2 { rows::CENTRED.len() } else { 0 }
+    }
 }
 
 /// A toe's motion with its derivatives.
@@ -79,6 +140,7 @@ struct Point {
 /// The full-order program of one request on one robot.
 pub struct FullOrderProgram {
     robot: Robot,
+    layout: Layout,
     data: Data,
     points: Vec<Point>,
     speed_m_s: f64,
@@ -91,13 +153,20 @@ pub struct FullOrderProgram {
 }
 
 impl FullOrderProgram {
-    /// Builds the program, with the bounds of the decomposed one. `robot` is [`on_slope`]'s; the request has been validated.
+    /// Builds the program, with the bounds of the decomposed one: of a stride on a sideways slope, of a step elsewhere. `robot` is
+    /// [`on_slope`]'s; the request has been validated.
     pub fn new(
         robot: &Robot,
         request: &GaitRequest,
         settings: &ProgramSettings,
         decomposed: &DecomposedProgram,
+        reference: Reference,
     ) -> Self {
+        let layout = Layout {
+            steps: if request.sideways_slope_rad == 0.0 { 1 } else { 2 },
+            points: settings.points,
+            joints_prescribed: reference != Reference::InProgram,
+        };
         let toe = Toe {
             position: nalgebra::Vector3::zeros(),
             velocity: nalgebra::Vector3::zeros(),
@@ -118,8 +187,9 @@ impl FullOrderProgram {
         let none = Vec::new;
         let mut program = Self {
             robot: robot.clone(),
+            layout,
             data: Data::new(&robot.model),
-            points: vec![point; settings.points],
+            points: vec![point; layout.all_points()],
             speed_m_s: request.speed_m_s,
             friction_face: request.friction / std::f64::consts::SQRT_2,
             bounds: Bounds {
@@ -134,8 +204,8 @@ impl FullOrderProgram {
             with_derivatives: true,
         };
         program.set_bounds(decomposed);
-        for p in 0..settings.points {
-            let p = at::point(p);
+        for p in 0..layout.all_points() {
+            let p = layout.point(p);
             let centre = |i| if i == 0 { request.speed_m_s } else { 0.0 };
             program.weights.extend((0..6).map(|i| (p + at::V + i, 1.0, centre(i))));
             // The decomposed program weighs the front biped's accelerations only; the same here.
@@ -154,24 +224,33 @@ impl FullOrderProgram {
     /// Every bound is the decomposed program's: of a joint, of its leg's image in the front biped.
     fn set_bounds(&mut self, decomposed: &DecomposedProgram) {
         use crate::program::{layout as d, rows as d_rows};
+        /// How far a reference may be outside a joint's range, rad: torque over stiffness, and half as much again.
+        const REFERENCE_SPARE_RAD: f64 = 0.4;
         let from = decomposed.bounds();
-        let last = self.points.len() - 1;
+        let layout = self.layout;
+        let last = layout.points - 1;
         let robot = &self.robot;
         let mut variables = [vec![], vec![]];
         for (side, bound) in variables.iter_mut().zip([&from.variable_lower, &from.variable_upper]) {
             let lower = std::ptr::eq(bound, &from.variable_lower);
+            let outward = if lower { -1.0 } else { 1.0 };
             let range = |joint: usize| {
                 let leg = &robot.legs[joint / 3];
                 if lower { leg.position_min_rad[joint % 3] } else { leg.position_max_rad[joint % 3] }
             };
-            let spare = |joint: usize| [0.0, 0.3, 0.3][joint % 3] * if lower { -1.0 } else { 1.0 };
-            for _ in 0..COEFFICIENTS {
+            let reference = if layout.joints_prescribed { 0.0 } else { REFERENCE_SPARE_RAD };
+            let spare = |joint: usize| ([0.0, 0.3, 0.3][joint % 3] + reference) * outward;
+            for _ in 0..layout.steps * COEFFICIENTS {
                 side.extend((0..JOINTS).map(|j| range(j) + spare(j)));
             }
             side.push(bound[d::T]);
-            for p in 0..=last {
+            // The first step's last point has the room of any point but the first, whose x is 0.
+            let reach = bound[d::point(last) + d::Q];
+            for index in 0..layout.all_points() {
+                let (step, p) = (index / layout.points, index % layout.points);
                 let b = &bound[d::point(p)..d::point(p + 1)];
-                side.extend_from_slice(&b[d::Q..d::Q + 6]);
+                side.push(if step == 0 { b[d::Q] } else { 2.0 * reach });
+                side.extend_from_slice(&b[d::Q + 1..d::Q + 6]);
                 side.extend((0..JOINTS).map(range));
                 for start in [d::V, d::A] {
                     side.extend_from_slice(&b[start..start + 6]);
@@ -183,36 +262,58 @@ impl FullOrderProgram {
         }
         let mut constraints = [vec![], vec![]];
         for (side, bound) in constraints.iter_mut().zip([&from.constraint_lower, &from.constraint_upper]) {
-            for p in 0..=last {
+            for index in 0..layout.all_points() {
+                let (step, p) = (index / layout.points, index % layout.points);
                 let b = &bound[d_rows::COUNT * p..d_rows::COUNT * (p + 1)];
                 let mut own = [0.0; rows::COUNT];
-                own[rows::OUTPUT + LEG_2_ROLL] = b[d_rows::OUTPUT + STANCE_ROLL];
+                if layout.joints_prescribed {
+                    own[rows::OUTPUT + self.stance_roll(step)] = b[d_rows::OUTPUT + STANCE_ROLL];
+                }
                 own[rows::FRICTION..rows::SWING].copy_from_slice(&b[d_rows::FRICTION..d_rows::SWING]);
                 own[rows::SWING..].copy_from_slice(&b[d_rows::SWING..d_rows::SWING + 2]);
                 side.extend_from_slice(&own);
             }
-            side.extend(std::iter::repeat_n(0.0, rows::INTERVAL * (last / 2) + rows::FIRST - 1));
-            side.push(bound[decomposed.start_of_first() + d_rows::FIRST - 1]);
-            side.extend([0.0; rows::BOUNDARY]);
+            side.resize(layout.rows(), 0.0);
+            for step in 0..layout.steps {
+                side[layout.first(step) + 2] = bound[decomposed.start_of_first() + d_rows::FIRST - 1];
+            }
         }
         [self.bounds.variable_lower, self.bounds.variable_upper] = variables;
         [self.bounds.constraint_lower, self.bounds.constraint_upper] = constraints;
     }
 
-    fn phase(&self, point: usize) -> f64 {
-        point as f64 / (self.points.len() - 1) as f64
+    /// The leg that does in `step` what `leg` does in the first.
+    fn leg(&self, step: usize, leg: usize) -> usize {
+        if step == 0 { leg } else { self.robot.mirror.leg[leg] }
     }
 
-    fn start_of_intervals(&self) -> usize {
-        rows::COUNT * self.points.len()
+    fn stance(&self, step: usize) -> [usize; 2] {
+        STANCE.map(|leg| self.leg(step, leg))
     }
 
-    fn start_of_first(&self) -> usize {
-        self.start_of_intervals() + rows::INTERVAL * (self.points.len() / 2)
+    fn swing(&self, step: usize) -> [usize; 2] {
+        SWING.map(|leg| self.leg(step, leg))
     }
 
-    fn start_of_boundary(&self) -> usize {
-        self.start_of_first() + rows::FIRST
+    /// The stance hip roll whose ÿ row is redundant.
+    fn stance_roll(&self, step: usize) -> usize {
+        3 * self.leg(step, LEG_2_ROLL / 3)
+    }
+
+    /// The tracking law's gains of a joint.
+    fn gains(&self, joint: usize) -> (f64, f64) {
+        let gains = &self.robot.gains;
+        (gains.kp_nm_per_rad[joint % 3], gains.kd_nm_s_per_rad[joint % 3])
+    }
+
+    /// What follows coordinate `i` of the end of `step`: which coordinate of which point, and with which sign.
+    fn next(&self, step: usize, i: usize) -> (usize, usize, f64) {
+        if self.layout.steps == 1 {
+            let (from, sign) = self.mirror(i);
+            (0, from, sign)
+        } else {
+            ((step + 1) % self.layout.steps * self.layout.points, i, 1.0)
+        }
     }
 
     /// Coordinate `i` of the mirrored robot: from which coordinate and with which sign.
@@ -229,13 +330,15 @@ impl FullOrderProgram {
     }
 
     fn constraints(&mut self, x: &[f64], g: &mut [f64]) {
-        let t = x[at::T];
-        let model = &self.robot.model;
-        let count = self.points.len();
-        for index in 0..count {
-            let p = &x[at::point(index)..at::point(index + 1)];
+        let layout = self.layout;
+        let t = x[layout.t()];
+        for index in 0..layout.all_points() {
+            let step = index / layout.points;
+            let (stance, swing) = (self.stance(step), self.swing(step));
+            let model = &self.robot.model;
+            let p = &x[layout.point(index)..layout.point(index + 1)];
             let l = [three(p, at::LAMBDA), three(p, at::LAMBDA + 3)];
-            let forces = [(self.robot.legs[STANCE[0]].toe, l[0]), (self.robot.legs[STANCE[1]].toe, l[1])];
+            let forces = [(self.robot.legs[stance[0]].toe, l[0]), (self.robot.legs[stance[1]].toe, l[1])];
             let (q, v, a) = (&p[at::Q..at::V], &p[at::V..at::A], &p[at::A..at::U]);
             let point = &mut self.points[index];
             if self.with_derivatives {
@@ -262,16 +365,27 @@ impl FullOrderProgram {
                     toe.dacceleration_dv.copy_from(&k.dacceleration_dv);
                 }
             }
+            let point = &self.points[index];
             let g = &mut g[rows::COUNT * index..rows::COUNT * (index + 1)];
-            let second = bezier::basis_second_derivative(index as f64 / (count - 1) as f64);
+            let phase = layout.phase(index);
             for i in 0..DOF {
                 g[rows::DYNAMICS + i] = point.tau[i] - if i < 6 { 0.0 } else { p[at::U + i - 6] };
             }
             for j in 0..JOINTS {
-                let polynomial: f64 = (0..COEFFICIENTS).map(|k| x[at::alpha(k, j)] * second[k]).sum();
-                g[rows::OUTPUT + j] = t * t * a[6 + j] - polynomial;
+                let polynomial = |basis: Coefficients| -> f64 {
+                    (0..COEFFICIENTS).map(|k| x[layout.alpha(step, k, j)] * basis[k]).sum()
+                };
+                g[rows::OUTPUT + j] = if layout.joints_prescribed {
+                    t * t * a[6 + j] - polynomial(bezier::basis_second_derivative(phase))
+                } else {
+                    // T / kp times (u − kp (B − q) − kd (Ḃ − q̇)).
+                    let (kp, kd) = self.gains(j);
+                    let (value, slope) =
+                        (polynomial(bezier::basis(phase)), polynomial(bezier::basis_first_derivative(phase)));
+                    t * (p[at::U + j] / kp - value + q[6 + j]) - kd / kp * (slope - t * v[6 + j])
+                };
             }
-            for (k, leg) in STANCE.into_iter().enumerate() {
+            for (k, leg) in stance.into_iter().enumerate() {
                 for axis in 0..3 {
                     g[rows::STANCE + 3 * k + axis] = point.toes[leg].acceleration[axis];
                 }
@@ -281,16 +395,15 @@ impl FullOrderProgram {
                     g[row + 1] = self.friction_face * l[k][2] + l[k][axis];
                 }
             }
-            for (k, leg) in SWING.into_iter().enumerate() {
+            for (k, leg) in swing.into_iter().enumerate() {
                 g[rows::SWING + k] = point.toes[leg].position.z;
             }
         }
-        let start = self.start_of_intervals();
-        let h = 2.0 * t / (count - 1) as f64;
-        for interval in 0..count / 2 {
+        let h = 2.0 * t / (layout.points - 1) as f64;
+        for interval in 0..layout.intervals() {
             let p: [&[f64]; 3] =
-                std::array::from_fn(|k| &x[at::point(2 * interval + k)..at::point(2 * interval + k + 1)]);
-            let g = &mut g[start + rows::INTERVAL * interval..start + rows::INTERVAL * (interval + 1)];
+                layout.points_of(interval).map(|index| &x[layout.point(index)..layout.point(index + 1)]);
+            let g = &mut g[layout.interval(interval)..layout.interval(interval + 1)];
             for (block, (value, slope)) in [(at::Q, at::V), (at::V, at::A)].into_iter().enumerate() {
                 for i in 0..DOF {
                     let [x0, x1, x2] = p.map(|p| p[value + i]);
@@ -300,41 +413,65 @@ impl FullOrderProgram {
                 }
             }
         }
-        let start = self.start_of_first();
-        let first = &x[at::point(0)..at::point(1)];
-        let (value, slope) = (bezier::basis(0.0), bezier::basis_first_derivative(0.0));
-        for j in 0..JOINTS {
-            let sum = |basis: &[f64; 6]| (0..COEFFICIENTS).map(|k| x[at::alpha(k, j)] * basis[k]).sum::<f64>();
-            g[start + j] = first[at::Q + 6 + j] - sum(&value);
-            g[start + JOINTS + j] = t * first[at::V + 6 + j] - sum(&slope);
+        for step in 0..layout.steps {
+            let start = layout.first(step);
+            let index = step * layout.points;
+            let toes = &self.points[index].toes;
+            let [a, b] = self.stance(step);
+            g[start] = toes[a].position.z;
+            g[start + 1] = toes[b].position.z;
+            g[start + 2] = (toes[b].position - toes[a].position).norm_squared();
+            if layout.joints_prescribed {
+                let first = &x[layout.point(index)..layout.point(index + 1)];
+                let (value, slope) = (bezier::basis(0.0), bezier::basis_first_derivative(0.0));
+                let start = start + rows::FLOOR;
+                for j in 0..JOINTS {
+                    let sum = |basis: &Coefficients| {
+                        (0..COEFFICIENTS).map(|k| x[layout.alpha(step, k, j)] * basis[k]).sum::<f64>()
+                    };
+                    g[start + j] = first[at::Q + 6 + j] - sum(&value);
+                    g[start + JOINTS + j] = t * first[at::V + 6 + j] - sum(&slope);
+                }
+            }
         }
-        let toes = &self.points[0].toes;
-        g[start + 24] = toes[1].position.z;
-        g[start + 25] = toes[2].position.z;
-        g[start + 26] = (toes[2].position - toes[1].position).norm_squared();
-        let start = self.start_of_boundary();
-        let end = &x[at::point(count - 1)..];
-        for i in 0..DOF {
-            let (from, sign) = self.mirror(i);
-            g[start + i] = end[at::Q + i] - sign * first[at::Q + from];
-            g[start + DOF + i] = sign * first[at::V + from] - end[at::V + i];
+        for step in 0..layout.steps {
+            let start = layout.switch(step);
+            let last = (step + 1) * layout.points - 1;
+            let end = &x[layout.point(last)..layout.point(last + 1)];
+            for i in 0..DOF {
+                let (index, from, sign) = self.next(step, i);
+                let next = &x[layout.point(index)..];
+                g[start + i] = end[at::Q + i] - sign * next[at::Q + from];
+                g[start + DOF + i] = sign * next[at::V + from] - end[at::V + i];
+            }
+            // The world moves back by a step, or by a stride where it is closed over two.
+            if step + 1 == layout.steps {
+                g[start] -= self.speed_m_s * t * layout.steps as f64;
+            }
+            for (k, leg) in self.swing(step).into_iter().enumerate() {
+                for axis in 0..3 {
+                    g[start + 2 * DOF + 3 * k + axis] = self.points[last].toes[leg].velocity[axis];
+                }
+            }
         }
-        g[start] -= self.speed_m_s * t;
-        for (k, leg) in SWING.into_iter().enumerate() {
-            for axis in 0..3 {
-                g[start + 2 * DOF + 3 * k + axis] = self.points[count - 1].toes[leg].velocity[axis];
+        if layout.steps == 2 {
+            for (k, i) in rows::CENTRED.into_iter().enumerate() {
+                g[layout.switch(2) + k] = x[layout.point(0) + at::Q + i] + x[layout.point(layout.points) + at::Q + i];
             }
         }
     }
 
     /// Derivatives at the point of the last call of [`Self::constraints`] with derivatives.
     fn derivatives(&self, x: &[f64], sink: &mut impl Sink) {
-        let t = x[at::T];
-        let count = self.points.len();
+        let layout = self.layout;
+        let t = x[layout.t()];
         let own = |leg: usize| (0..6).chain(6 + 3 * leg..9 + 3 * leg);
         for (index, point) in self.points.iter().enumerate() {
-            let (r, p) = (rows::COUNT * index, at::point(index));
-            let second = bezier::basis_second_derivative(self.phase(index));
+            let (r, p) = (rows::COUNT * index, layout.point(index));
+            let step = index / layout.points;
+            let phase = layout.phase(index);
+            let bases =
+                [bezier::basis(phase), bezier::basis_first_derivative(phase), bezier::basis_second_derivative(phase)];
             for i in 0..DOF {
                 for c in 0..DOF {
                     // Two legs meet only in the base.
@@ -344,7 +481,7 @@ impl FullOrderProgram {
                         sink.put(r + i, p + at::A + c, point.mass[(i, c)]);
                     }
                 }
-                for (k, leg) in STANCE.into_iter().enumerate() {
+                for (k, leg) in self.stance(step).into_iter().enumerate() {
                     if i < 6 || (i - 6) / 3 == leg {
                         for axis in 0..3 {
                             sink.put(r + i, p + at::LAMBDA + 3 * k + axis, -point.toes[leg].jacobian[(axis, i)]);
@@ -354,13 +491,27 @@ impl FullOrderProgram {
             }
             for j in 0..JOINTS {
                 sink.put(r + 6 + j, p + at::U + j, -1.0);
-                sink.put(r + rows::OUTPUT + j, p + at::A + 6 + j, t * t);
-                sink.put(r + rows::OUTPUT + j, at::T, 2.0 * t * x[p + at::A + 6 + j]);
-                for k in 0..COEFFICIENTS {
-                    sink.put(r + rows::OUTPUT + j, at::alpha(k, j), -second[k]);
+                let row = r + rows::OUTPUT + j;
+                if layout.joints_prescribed {
+                    sink.put(row, p + at::A + 6 + j, t * t);
+                    sink.put(row, layout.t(), 2.0 * t * x[p + at::A + 6 + j]);
+                    for k in 0..COEFFICIENTS {
+                        sink.put(row, layout.alpha(step, k, j), -bases[2][k]);
+                    }
+                } else {
+                    let (kp, kd) = self.gains(j);
+                    let value: f64 = (0..COEFFICIENTS).map(|k| x[layout.alpha(step, k, j)] * bases[0][k]).sum();
+                    let (u, q, v) = (x[p + at::U + j], x[p + at::Q + 6 + j], x[p + at::V + 6 + j]);
+                    sink.put(row, p + at::U + j, t / kp);
+                    sink.put(row, p + at::Q + 6 + j, t);
+                    sink.put(row, p + at::V + 6 + j, kd / kp * t);
+                    sink.put(row, layout.t(), u / kp - value + q + kd / kp * v);
+                    for k in 0..COEFFICIENTS {
+                        sink.put(row, layout.alpha(step, k, j), -t * bases[0][k] - kd / kp * bases[1][k]);
+                    }
                 }
             }
-            for (k, leg) in STANCE.into_iter().enumerate() {
+            for (k, leg) in self.stance(step).into_iter().enumerate() {
                 let toe = &point.toes[leg];
                 for axis in 0..3 {
                     let row = r + rows::STANCE + 3 * k + axis;
@@ -382,80 +533,99 @@ impl FullOrderProgram {
                     }
                 }
             }
-            for (k, leg) in SWING.into_iter().enumerate() {
+            for (k, leg) in self.swing(step).into_iter().enumerate() {
                 for c in own(leg).filter(|c| *c >= 2) {
                     sink.put(r + rows::SWING + k, p + at::Q + c, point.toes[leg].jacobian[(2, c)]);
                 }
             }
         }
-        let start = self.start_of_intervals();
-        let per_t = 2.0 / (count - 1) as f64;
+        let per_t = 2.0 / (layout.points - 1) as f64;
         let h = per_t * t;
-        for interval in 0..count / 2 {
-            let p: [usize; 3] = std::array::from_fn(|k| at::point(2 * interval + k));
+        for interval in 0..layout.intervals() {
+            let p = layout.points_of(interval).map(|index| layout.point(index));
             for (block, (value, slope)) in [(at::Q, at::V), (at::V, at::A)].into_iter().enumerate() {
                 for i in 0..DOF {
                     let [f0, f1, f2] = p.map(|p| x[p + slope + i]);
-                    let row = start + rows::INTERVAL * interval + 2 * DOF * block + i;
+                    let row = layout.interval(interval) + 2 * DOF * block + i;
                     sink.put(row, p[0] + value + i, -0.5);
                     sink.put(row, p[1] + value + i, 1.0);
                     sink.put(row, p[2] + value + i, -0.5);
                     sink.put(row, p[0] + slope + i, -h / 8.0);
                     sink.put(row, p[2] + slope + i, h / 8.0);
-                    sink.put(row, at::T, -per_t / 8.0 * (f0 - f2));
+                    sink.put(row, layout.t(), -per_t / 8.0 * (f0 - f2));
                     let row = row + DOF;
                     sink.put(row, p[0] + value + i, -1.0);
                     sink.put(row, p[2] + value + i, 1.0);
                     sink.put(row, p[0] + slope + i, -h / 6.0);
                     sink.put(row, p[1] + slope + i, -4.0 * h / 6.0);
                     sink.put(row, p[2] + slope + i, -h / 6.0);
-                    sink.put(row, at::T, -per_t / 6.0 * (f0 + 4.0 * f1 + f2));
+                    sink.put(row, layout.t(), -per_t / 6.0 * (f0 + 4.0 * f1 + f2));
                 }
             }
         }
-        let (start, p) = (self.start_of_first(), at::point(0));
-        let (value, slope) = (bezier::basis(0.0), bezier::basis_first_derivative(0.0));
-        for j in 0..JOINTS {
-            sink.put(start + j, p + at::Q + 6 + j, 1.0);
-            sink.put(start + j, at::alpha(0, j), -value[0]);
-            let row = start + JOINTS + j;
-            sink.put(row, p + at::V + 6 + j, t);
-            sink.put(row, at::T, x[p + at::V + 6 + j]);
-            sink.put(row, at::alpha(0, j), -slope[0]);
-            sink.put(row, at::alpha(1, j), -slope[1]);
-        }
-        let toes = &self.points[0].toes;
-        let between = (toes[2].position - toes[1].position) * 2.0;
-        for (row, leg) in [(24, 1), (25, 2)] {
-            for c in own(leg).filter(|c| *c >= 2) {
-                sink.put(start + row, p + at::Q + c, toes[leg].jacobian[(2, c)]);
+        for step in 0..layout.steps {
+            let start = layout.first(step);
+            let (index, p) = (step * layout.points, layout.point(step * layout.points));
+            let toes = &self.points[index].toes;
+            let [a, b] = self.stance(step);
+            for (row, leg) in [(0, a), (1, b)] {
+                for c in own(leg).filter(|c| *c >= 2) {
+                    sink.put(start + row, p + at::Q + c, toes[leg].jacobian[(2, c)]);
+                }
+            }
+            let between = (toes[b].position - toes[a].position) * 2.0;
+            for c in (3..6).chain(6 + 3 * a..9 + 3 * a).chain(6 + 3 * b..9 + 3 * b) {
+                let slope = (toes[b].jacobian.column(c) - toes[a].jacobian.column(c)).dot(&between);
+                sink.put(start + 2, p + at::Q + c, slope);
+            }
+            if layout.joints_prescribed {
+                let (value, slope) = (bezier::basis(0.0), bezier::basis_first_derivative(0.0));
+                let start = start + rows::FLOOR;
+                for j in 0..JOINTS {
+                    sink.put(start + j, p + at::Q + 6 + j, 1.0);
+                    sink.put(start + j, layout.alpha(step, 0, j), -value[0]);
+                    let row = start + JOINTS + j;
+                    sink.put(row, p + at::V + 6 + j, t);
+                    sink.put(row, layout.t(), x[p + at::V + 6 + j]);
+                    sink.put(row, layout.alpha(step, 0, j), -slope[0]);
+                    sink.put(row, layout.alpha(step, 1, j), -slope[1]);
+                }
             }
         }
-        for c in (3..6).chain(9..15) {
-            let slope = (toes[2].jacobian.column(c) - toes[1].jacobian.column(c)).dot(&between);
-            sink.put(start + 26, p + at::Q + c, slope);
-        }
-        let (start, e) = (self.start_of_boundary(), at::point(count - 1));
-        for i in 0..DOF {
-            let (from, sign) = self.mirror(i);
-            sink.put(start + i, e + at::Q + i, 1.0);
-            sink.put(start + i, p + at::Q + from, -sign);
-            sink.put(start + DOF + i, e + at::V + i, -1.0);
-            sink.put(start + DOF + i, p + at::V + from, sign);
-        }
-        sink.put(start, at::T, -self.speed_m_s);
-        for (k, leg) in SWING.into_iter().enumerate() {
-            let toe = &self.points[count - 1].toes[leg];
-            for axis in 0..3 {
-                let row = start + 2 * DOF + 3 * k + axis;
-                for c in own(leg) {
-                    if c >= 3 {
-                        sink.put(row, e + at::Q + c, toe.dvelocity_dq[(axis, c)]);
-                    }
-                    if c >= 3 || c == axis {
-                        sink.put(row, e + at::V + c, toe.jacobian[(axis, c)]);
+        for step in 0..layout.steps {
+            let start = layout.switch(step);
+            let last = (step + 1) * layout.points - 1;
+            let e = layout.point(last);
+            for i in 0..DOF {
+                let (index, from, sign) = self.next(step, i);
+                let next = layout.point(index);
+                sink.put(start + i, e + at::Q + i, 1.0);
+                sink.put(start + i, next + at::Q + from, -sign);
+                sink.put(start + DOF + i, e + at::V + i, -1.0);
+                sink.put(start + DOF + i, next + at::V + from, sign);
+            }
+            if step + 1 == layout.steps {
+                sink.put(start, layout.t(), -self.speed_m_s * layout.steps as f64);
+            }
+            for (k, leg) in self.swing(step).into_iter().enumerate() {
+                let toe = &self.points[last].toes[leg];
+                for axis in 0..3 {
+                    let row = start + 2 * DOF + 3 * k + axis;
+                    for c in own(leg) {
+                        if c >= 3 {
+                            sink.put(row, e + at::Q + c, toe.dvelocity_dq[(axis, c)]);
+                        }
+                        if c >= 3 || c == axis {
+                            sink.put(row, e + at::V + c, toe.jacobian[(axis, c)]);
+                        }
                     }
                 }
+            }
+        }
+        if layout.steps == 2 {
+            for (k, i) in rows::CENTRED.into_iter().enumerate() {
+                sink.put(layout.switch(2) + k, layout.point(0) + at::Q + i, 1.0);
+                sink.put(layout.switch(2) + k, layout.point(layout.points) + at::Q + i, 1.0);
             }
         }
     }
@@ -506,75 +676,103 @@ impl Problem for FullOrderProgram {
     }
 
     fn constraint_name(&self, row: usize) -> String {
-        let count = self.points.len();
-        if row < self.start_of_intervals() {
-            let (point, row) = (row / rows::COUNT, row % rows::COUNT);
+        let layout = self.layout;
+        let of = |step: usize| if layout.steps == 2 { format!(" of step {}", step + 1) } else { String::new() };
+        if row < layout.interval(0) {
+            let (index, row) = (row / rows::COUNT, row % rows::COUNT);
+            let step = index / layout.points;
             let what = match row {
                 rows::DYNAMICS..rows::OUTPUT => format!("dynamics of {}", self.coordinate(row)),
-                rows::OUTPUT..rows::STANCE => format!("{} on its polynomial", self.joint(row - rows::OUTPUT)),
-                rows::STANCE..rows::FRICTION => format!("{} at rest", self.toe(STANCE[(row - rows::STANCE) / 3])),
-                rows::FRICTION..rows::SWING => format!("friction of {}", self.toe(STANCE[(row - rows::FRICTION) / 4])),
-                _ => format!("height of {}", self.toe(SWING[row - rows::SWING])),
+                rows::OUTPUT..rows::STANCE if layout.joints_prescribed => {
+                    format!("{} on its polynomial", self.joint(row - rows::OUTPUT))
+                }
+                rows::OUTPUT..rows::STANCE => format!("tracking law of {}", self.joint(row - rows::OUTPUT)),
+                rows::STANCE..rows::FRICTION => {
+                    format!("{} at rest", self.toe(self.stance(step)[(row - rows::STANCE) / 3]))
+                }
+                rows::FRICTION..rows::SWING => {
+                    format!("friction of {}", self.toe(self.stance(step)[(row - rows::FRICTION) / 4]))
+                }
+                _ => format!("height of {}", self.toe(self.swing(step)[row - rows::SWING])),
             };
-            return format!("{what}, point {} of {count}", point + 1);
+            return format!("{what}, point {} of {}{}", index % layout.points + 1, layout.points, of(step));
         }
-        if row < self.start_of_first() {
-            return format!(
-                "Hermite–Simpson defect, interval {}",
-                (row - self.start_of_intervals()) / rows::INTERVAL + 1
-            );
+        if row < layout.first(0) {
+            let interval = (row - layout.interval(0)) / rows::INTERVAL;
+            let step = interval / (layout.points / 2);
+            return format!("Hermite–Simpson defect, interval {}{}", interval % (layout.points / 2) + 1, of(step));
         }
-        if row < self.start_of_boundary() {
-            return match row - self.start_of_first() {
-                row @ 0..24 => format!("{} starts on its polynomial", self.joint(row % JOINTS)),
-                24 => format!("{} on the floor", self.toe(1)),
-                25 => format!("{} on the floor", self.toe(2)),
-                _ => "squared distance between the stance toes".into(),
+        if row < layout.switch(0) {
+            let (step, row) =
+                ((row - layout.first(0)) / layout.first_rows(), (row - layout.first(0)) % layout.first_rows());
+            let what = match row {
+                0 | 1 => format!("{} on the floor", self.toe(self.stance(step)[row])),
+                2 => "squared distance between the stance toes".into(),
+                _ => format!("{} starts on its polynomial", self.joint((row - rows::FLOOR) % JOINTS)),
             };
+            return what + &of(step);
         }
-        match row - self.start_of_boundary() {
+        if row >= layout.switch(layout.steps) {
+            let i = rows::CENTRED[row - layout.switch(layout.steps)];
+            return format!("{} opposite at the two switches", self.coordinate(i));
+        }
+        let step = (row - layout.switch(0)) / rows::SWITCH;
+        let what = match row - layout.switch(step) {
             row @ 0..DOF => format!("periodicity of {}", self.coordinate(row)),
             row if row < 2 * DOF => format!("periodicity of the velocity of {}", self.coordinate(row - DOF)),
-            row => format!("soft touchdown of {}", self.toe(SWING[(row - 2 * DOF) / 3])),
-        }
+            row => format!("soft touchdown of {}", self.toe(self.swing(step)[(row - 2 * DOF) / 3])),
+        };
+        what + &of(step)
     }
 
     fn variable_name(&self, column: usize) -> String {
-        if column < at::T {
-            return format!("Bézier coefficient {} of {}", column / JOINTS, self.joint(column % JOINTS));
+        let layout = self.layout;
+        let of = |step: usize| if layout.steps == 2 { format!(" of step {}", step + 1) } else { String::new() };
+        if column < layout.t() {
+            let (step, k) = (column / JOINTS / COEFFICIENTS, column / JOINTS % COEFFICIENTS);
+            return format!("Bézier coefficient {k} of {}{}", self.joint(column % JOINTS), of(step));
         }
-        if column == at::T {
+        if column == layout.t() {
             return "step duration".into();
         }
-        let (point, i) = ((column - at::POINTS) / at::POINT, (column - at::POINTS) % at::POINT);
+        let (index, i) = ((column - layout.point(0)) / at::POINT, (column - layout.point(0)) % at::POINT);
+        let step = index / layout.points;
         let what = match i {
             0..at::V => format!("position of {}", self.coordinate(i)),
             at::V..at::A => format!("velocity of {}", self.coordinate(i - at::V)),
             at::A..at::U => format!("acceleration of {}", self.coordinate(i - at::A)),
             at::U..at::LAMBDA => format!("torque of {}", self.joint(i - at::U)),
-            _ => format!("force on {}", self.toe(STANCE[(i - at::LAMBDA) / 3])),
+            _ => format!("force on {}", self.toe(self.stance(step)[(i - at::LAMBDA) / 3])),
         };
-        format!("{what}, point {} of {}", point + 1, self.points.len())
+        format!("{what}, point {} of {}{}", index % layout.points + 1, layout.points, of(step))
     }
 }
 
-/// The full-order program's unknowns for the decomposed program's.
-pub(crate) fn recomposed(program: &DecomposedProgram, x: &[f64]) -> Vec<f64> {
+/// The program's unknowns for the decomposed program's: the second step, where there is one, is the first one's mirror image.
+pub(crate) fn recomposed(full: &FullOrderProgram, program: &DecomposedProgram, x: &[f64]) -> Vec<f64> {
     use crate::program::layout as d;
+    let layout = full.layout;
     let pairing = program.bipeds().pairing();
-    let mut out = vec![0.0; at::point(program.points())];
+    let mut out = vec![0.0; layout.point(layout.all_points())];
     for k in 0..COEFFICIENTS {
         let mut front = [0.0; 12];
         for j in 0..6 {
             front[6 + j] = x[d::alpha(k, j)];
         }
-        out[at::alpha(k, 0)..at::alpha(k + 1, 0)].copy_from_slice(&pairing.recompose_position(&front)[6..]);
+        let all = pairing.recompose_position(&front);
+        out[layout.alpha(0, k, 0)..layout.alpha(0, k + 1, 0)].copy_from_slice(&all[6..]);
+        if layout.steps == 2 {
+            for i in 6..DOF {
+                let (from, sign) = full.mirror(i);
+                out[layout.alpha(1, k, i - 6)] = sign * all[from];
+            }
+        }
     }
-    out[at::T] = x[d::T];
-    for p in 0..program.points() {
+    out[layout.t()] = x[d::T];
+    for p in 0..layout.points {
         let from = &x[d::point(p)..d::point(p + 1)];
-        let to = &mut out[at::point(p)..at::point(p + 1)];
         let twelve = |start: usize| -> [f64; 12] { from[start..start + 12].try_into().expect("twelve entries") };
+        let mut to = [0.0; at::POINT];
         to[at::Q..at::V].copy_from_slice(&pairing.recompose_position(&twelve(d::Q)));
         to[at::V..at::A].copy_from_slice(&pairing.recompose_rate(&twelve(d::V)));
         to[at::A..at::U].copy_from_slice(&pairing.recompose_rate(&twelve(d::A)));
@@ -585,12 +783,35 @@ pub(crate) fn recomposed(program: &DecomposedProgram, x: &[f64]) -> Vec<f64> {
             to[at::U + 9 + j] = from[d::U_REAR + 3 + j];
         }
         to[at::LAMBDA..].copy_from_slice(&from[d::LAMBDA_1..d::LAMBDA_1 + 6]);
+        out[layout.point(p)..layout.point(p + 1)].copy_from_slice(&to);
+        if layout.steps == 2 {
+            let mut second = [0.0; at::POINT];
+            for i in 0..DOF {
+                let (from, sign) = full.mirror(i);
+                for block in [at::Q, at::V, at::A] {
+                    second[block + i] = sign * to[block + from];
+                }
+                if i >= 6 {
+                    second[at::U + i - 6] = sign * to[at::U + from - 6];
+                }
+            }
+            second[at::Q] += full.speed_m_s * x[d::T];
+            for toe in [0, 3] {
+                for (axis, sign) in [1.0, -1.0, 1.0].into_iter().enumerate() {
+                    second[at::LAMBDA + toe + axis] = sign * to[at::LAMBDA + toe + axis];
+                }
+            }
+            let index = layout.points + p;
+            out[layout.point(index)..layout.point(index + 1)].copy_from_slice(&second);
+        }
     }
     out
 }
 
-/// Plans by the full-order program, its subproblems by Clarabel, from the decomposed program's guess. `options.subproblem` and
-/// `options.warm_start` have no meaning here.
+/// Plans by the full-order program, its subproblems by Clarabel, from the decomposed program's guess. On a sideways slope both steps
+/// of the stride are planned; there, and with the reference in the program, the start is the decomposed program's solution for
+/// the same request without that slope, if it has one.
+/// `options.subproblem` and `options.warm_start` have no meaning here.
 ///
 /// # Errors
 ///
@@ -602,29 +823,45 @@ pub fn plan_full_order(
     progress: impl FnMut(&Iteration) -> ControlFlow<()>,
 ) -> Result<Plan, PlanError> {
     request.validate(leg_length_m(robot))?;
-    let robot = &on_slope(robot, request.slope_rad);
-    let mut decomposed = program_of(robot, request, options.program.clone())?;
-    let start = guess::nominal(robot, &mut decomposed, request)?;
-    let start = recomposed(&decomposed, &start);
-    let mut program = FullOrderProgram::new(robot, request, &options.program, &decomposed);
+    let level = GaitRequest { sideways_slope_rad: 0.0, ..request.clone() };
+    let level_robot = &on_slope(robot, &level);
+    let level_options = PlanOptions { subproblem: SubproblemSolver::default(), warm_start: None, ..options.clone() };
+    let mut decomposed = program_of(level_robot, &level, options.program.clone())?;
+    // Where the program differs from the decomposed one by its rear legs only, the two start alike, to be compared.
+    let alike = request.sideways_slope_rad == 0.0 && options.reference != Reference::InProgram;
+    let near = if alike {
+        None
+    } else {
+        Planner::new(robot).solve(&level, &level_options, |_| ControlFlow::Continue(())).ok().map(|solution| solution.x)
+    };
+    let start = match near {
+        Some(x) => x,
+        None => guess::nominal(level_robot, &mut decomposed, &level)?,
+    };
+    let robot = &on_slope(robot, request);
+    let mut program = FullOrderProgram::new(robot, request, &options.program, &decomposed, options.reference);
+    let layout = program.layout;
+    let mut start = recomposed(&program, &decomposed, &start);
+    if !alike {
+        program.stay_near(&start);
+    }
+    if !layout.joints_prescribed {
+        // The reference that leads along the start: where the law is to hold, it nearly does.
+        for step in 0..layout.steps {
+            let reference =
+                recompose::compensated_reference(robot, &program.plan_points(&start, step), start[layout.t()]);
+            for j in 0..JOINTS {
+                for k in 0..COEFFICIENTS {
+                    start[layout.alpha(step, k, j)] = reference[j][k];
+                }
+            }
+        }
+    }
     let solution = SqpSolver::new(options.solver.clone())?.solve(&mut program, &start, progress)?;
     if solution.status != Status::Converged {
         return Err(not_converged(solution));
     }
-    let points: Vec<PlanPoint> = (0..program.points.len())
-        .map(|index| {
-            let p = &solution.x[at::point(index)..at::point(index + 1)];
-            let eighteen = |start: usize| -> [f64; DOF] { p[start..start + DOF].try_into().expect("eighteen entries") };
-            PlanPoint {
-                phase: program.phase(index),
-                q: eighteen(at::Q),
-                v: eighteen(at::V),
-                a: eighteen(at::A),
-                torque_nm: p[at::U..at::LAMBDA].try_into().expect("twelve entries"),
-                ground_force_n: [[0.0; 3], three(p, at::LAMBDA).into(), three(p, at::LAMBDA + 3).into(), [0.0; 3]],
-            }
-        })
-        .collect();
+    let t = solution.x[layout.t()];
     let summary = SolverSummary {
         status: solution.status.to_string(),
         iterations: solution.iterations(),
@@ -632,7 +869,72 @@ pub fn plan_full_order(
         max_violation: solution.worst.amount,
         objective: solution.objective,
     };
-    let coefficients = std::array::from_fn(|j| std::array::from_fn(|k| solution.x[at::alpha(k, j)]));
-    let gait = recompose::gait(robot, coefficients, solution.x[at::T], request, &points, summary)?;
-    Ok(Plan { gait, points, warm_start: WarmStart(Vec::new()), log: solution.log })
+    // What is planned of a step: its points, the joints' polynomials and the reference's.
+    let step = |step: usize| {
+        let points = program.plan_points(&solution.x, step);
+        let polynomials: [Coefficients; JOINTS] =
+            std::array::from_fn(|j| std::array::from_fn(|k| solution.x[layout.alpha(step, k, j)]));
+        let (joints, reference) = if layout.joints_prescribed {
+            let reference = match options.reference {
+                Reference::PlannedJoints => polynomials,
+                Reference::Compensated | Reference::InProgram => recompose::compensated_reference(robot, &points, t),
+            };
+            (polynomials, reference)
+        } else {
+            (recompose::fitted_joints(&points), polynomials)
+        };
+        (points, joints, reference)
+    };
+    let (points, joints, reference) = step(0);
+    let (second_points, second_step) = if layout.steps == 2 {
+        let (points, coefficients_rad, reference_coefficients_rad) = step(1);
+        (points, Some(SecondStep { coefficients_rad, reference_coefficients_rad }))
+    } else {
+        (Vec::new(), None)
+    };
+    let mut gait = recompose::gait(robot, joints, t, request, &points, summary, second_step)?;
+    gait.reference_coefficients_rad = reference;
+    Ok(Plan { gait, points, second_points, warm_start: WarmStart(Vec::new()), log: solution.log })
+}
+
+impl FullOrderProgram {
+    /// Adds the cost of moving the joints otherwise than in `x` (rate), and of holding them elsewhere (position).
+    ///
+    /// Without the pairing the cheapest gait is one that lets its nose down as far as it may and falls when it is walked. So the
+    /// program asks for the motion of the level gait about a posture of its own, which is what a slope changes.
+    fn stay_near(&mut self, x: &[f64]) {
+        /// 1/rad² and 1/(rad/s)², chosen by walking the plans in MuJoCo (docs/planning.md).
+        const WEIGHTS: [(usize, f64); 2] = [(at::Q, 1e-3), (at::V, 0.1)];
+        for index in 0..self.layout.all_points() {
+            for (block, weight) in WEIGHTS {
+                let start = self.layout.point(index) + block + 6;
+                self.weights.extend((start..start + JOINTS).map(|i| (i, weight, x[i])));
+            }
+        }
+        self.hessian = Pattern(self.weights.iter().map(|w| (w.0, w.0)).collect());
+    }
+
+    /// The robot at every point of a step.
+    fn plan_points(&self, x: &[f64], step: usize) -> Vec<PlanPoint> {
+        let layout = self.layout;
+        (step * layout.points..(step + 1) * layout.points)
+            .map(|index| {
+                let p = &x[layout.point(index)..layout.point(index + 1)];
+                let eighteen =
+                    |start: usize| -> [f64; DOF] { p[start..start + DOF].try_into().expect("eighteen entries") };
+                let mut ground_force_n = [[0.0; 3]; 4];
+                for (k, leg) in self.stance(step).into_iter().enumerate() {
+                    ground_force_n[leg] = three(p, at::LAMBDA + 3 * k).into();
+                }
+                PlanPoint {
+                    phase: layout.phase(index),
+                    q: eighteen(at::Q),
+                    v: eighteen(at::V),
+                    a: eighteen(at::A),
+                    torque_nm: p[at::U..at::LAMBDA].try_into().expect("twelve entries"),
+                    ground_force_n,
+                }
+            })
+            .collect()
+    }
 }

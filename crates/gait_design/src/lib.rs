@@ -68,6 +68,9 @@ pub enum Reference {
     Compensated,
     /// The planned joints themselves. The robot sags by torque over stiffness: for comparison.
     PlannedJoints,
+    /// The reference planned inside the full-order program, as the polynomials whose tracking gives the torques: the joints
+    /// are where the law leads them (docs/mathematics.md, 6).
+    InProgram,
 }
 
 /// A plan's solution, to start a like request from. It fits any request to the same robot with as many points.
@@ -108,8 +111,10 @@ impl Default for PlanOptions {
 pub struct Plan {
     /// The gait. Its `solver.solve_time_s` is 0: this crate reads no clock, the caller does.
     pub gait: Gait,
-    /// The full robot at every point of the program.
+    /// The full robot at every point of the program, in the first step.
     pub points: Vec<PlanPoint>,
+    /// In the second step, where it is no mirror image of the first; else empty.
+    pub second_points: Vec<PlanPoint>,
     /// The solution, to start a like request from.
     pub warm_start: WarmStart,
     /// The solver's log.
@@ -173,11 +178,12 @@ fn program_of(robot: &Robot, request: &GaitRequest, settings: ProgramSettings) -
     Ok(DecomposedProgram::new(robot, bipeds, request, settings))
 }
 
-/// The robot with gravity as it is on a slope: positive uphill along x.
-pub fn on_slope(robot: &Robot, slope_rad: f64) -> Robot {
+/// The robot with gravity as it is on the slope of a request: the world's x–y plane is the ground.
+pub fn on_slope(robot: &Robot, request: &GaitRequest) -> Robot {
     let mut robot = robot.clone();
     let gravity = robot.model.gravity.norm();
-    robot.model.gravity = nalgebra::Vector3::new(-slope_rad.sin(), 0.0, -slope_rad.cos()) * gravity;
+    let ((up, level), (side, across)) = (request.slope_rad.sin_cos(), request.sideways_slope_rad.sin_cos());
+    robot.model.gravity = nalgebra::Vector3::new(-up * across, 0.0 - side, -level * across) * gravity;
     robot
 }
 

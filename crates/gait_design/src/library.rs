@@ -238,6 +238,11 @@ impl Grid {
 
     fn check(&self) -> Result<(), LibraryError> {
         let wrong = |problem: String| Err(LibraryError::Grid(problem));
+        if self.base.sideways_slope_rad != 0.0 {
+            return wrong(
+                "is on a sideways slope, for which the library's program does not plan: use `tandem plan`".into(),
+            );
+        }
         if self.axes.is_empty() {
             return wrong("has no axis: give at least one".into());
         }
@@ -451,7 +456,7 @@ impl Library {
                 }
             }
         }
-        let robot = &on_slope(robot, request.slope_rad);
+        let robot = &on_slope(robot, request);
         let settings = ProgramSettings { points: self.header.points, ..ProgramSettings::default() };
         let mut program = program_of(robot, request, settings)?;
         let mut constraints = vec![0.0; program.bounds().constraint_lower.len()];
@@ -459,8 +464,15 @@ impl Library {
         let violation = nlp::most_broken(&program, &x, &constraints);
         summary.max_violation = violation.amount;
         let points = recompose::points(robot, &program, &x, f64::INFINITY)?;
-        let gait =
-            recompose::gait(robot, recompose::coefficients(&program, &x), x[layout::T], request, &points, summary)?;
+        let gait = recompose::gait(
+            robot,
+            recompose::coefficients(&program, &x),
+            x[layout::T],
+            request,
+            &points,
+            summary,
+            None,
+        )?;
         Ok(Found { gait, violation, neighbours: corners, warm_start: WarmStart(x) })
     }
 

@@ -158,7 +158,11 @@ fn limits_reached(
 ) -> Result<BTreeSet<String>, PlanError> {
     /// How near counts as reached, as a share of the bound.
     const NEAR: f64 = 1e-3;
-    let mut program = program_of(&on_slope(robot, request.slope_rad), request, options.program.clone())?;
+    if x.is_empty() {
+        // A full-order plan: its limits are not looked at.
+        return Ok(BTreeSet::new());
+    }
+    let mut program = program_of(&on_slope(robot, request), request, options.program.clone())?;
     let mut values = vec![0.0; program.bounds().constraint_lower.len()];
     program.values(x, &mut values);
     let bounds = program.bounds();

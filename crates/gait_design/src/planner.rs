@@ -5,7 +5,7 @@ use crate::program::DecomposedProgram;
 use crate::request::GaitRequest;
 use crate::{
     Plan, PlanError, PlanOptions, ProgramSettings, Reference, SubproblemSolver, WarmStart, between_points, guess,
-    leg_length_m, not_converged, on_slope, program, program_of, recompose,
+    leg_length_m, not_converged, on_slope, plan_full_order, program, program_of, recompose,
 };
 use gait::SolverSummary;
 use nlp::{Iteration, Solution, SqpSolver, Status};
@@ -51,6 +51,9 @@ impl Planner {
         options: &PlanOptions,
         progress: impl FnMut(&Iteration) -> ControlFlow<()>,
     ) -> Result<Plan, PlanError> {
+        if request.sideways_slope_rad != 0.0 || options.reference == Reference::InProgram {
+            return plan_full_order(&self.robot, request, options, progress);
+        }
         let solution = self.solve(request, options, progress)?;
         let Prepared { robot, program, .. } = self.prepared.as_ref().expect("solving prepares");
         let points = recompose::points(robot, program, &solution.x, recompose::BALANCE_TOLERANCE)?;
@@ -62,7 +65,7 @@ impl Planner {
             objective: solution.objective,
         };
         let (x, coefficients) = (&solution.x, recompose::coefficients(program, &solution.x));
-        let mut gait = recompose::gait(robot, coefficients, x[program::layout::T], request, &points, summary)?;
+        let mut gait = recompose::gait(robot, coefficients, x[program::layout::T], request, &points, summary, None)?;
         let between = between_points(robot, request, &gait, &points);
         let broken = between.broken();
         if !broken.is_empty() {
@@ -75,10 +78,11 @@ impl Planner {
         if options.reference == Reference::PlannedJoints {
             gait.reference_coefficients_rad = gait.coefficients_rad;
         }
-        Ok(Plan { gait, points, warm_start: WarmStart(solution.x), log: solution.log })
+        Ok(Plan { gait, points, second_points: Vec::new(), warm_start: WarmStart(solution.x), log: solution.log })
     }
 
-    /// The program's converged solution.
+    /// The program's converged solution. The decomposed program knows no sideways slope; [`Self::plan`] and a library's grid keep
+    /// such requests from it.
     pub(crate) fn solve(
         &mut self,
         request: &GaitRequest,
@@ -109,7 +113,7 @@ impl Planner {
                 p.program.ask(&p.robot, request);
             }
             prepared => {
-                let robot = on_slope(&self.robot, request.slope_rad);
+                let robot = on_slope(&self.robot, request);
                 let program = program_of(&robot, request, settings.clone())?;
                 *prepared = Some(Prepared { slope_rad: request.slope_rad, settings: settings.clone(), robot, program });
             }

@@ -95,6 +95,7 @@ pub(crate) fn gait(
     request: &GaitRequest,
     points: &[PlanPoint],
     solver: SolverSummary,
+    second_step: Option<gait::SecondStep>,
 ) -> Result<Gait, PlanError> {
     let kp: [f64; JOINTS] = std::array::from_fn(|j| robot.gains.kp_nm_per_rad[j % 3]);
     let kd: [f64; JOINTS] = std::array::from_fn(|j| robot.gains.kd_nm_s_per_rad[j % 3]);
@@ -111,6 +112,7 @@ pub(crate) fn gait(
         step_length_m: request.speed_m_s * t,
         coefficients_rad,
         mirror: Mirror { leg: robot.mirror.leg, sign: robot.mirror.joint_sign },
+        second_step,
         initial: InitialState {
             // The plan's floor is the toe centres' plane, one toe radius above the real one.
             base_position_m: [first.q[0], first.q[1], first.q[2] + robot.toe_radius_m],
@@ -120,7 +122,7 @@ pub(crate) fn gait(
             joint_position_rad: std::array::from_fn(|j| first.q[6 + j]),
             joint_velocity_rad_s: std::array::from_fn(|j| first.v[6 + j]),
         },
-        reference_coefficients_rad: compensated_reference(points, t, &kp, &kd),
+        reference_coefficients_rad: compensated_reference(robot, points, t),
         kp,
         kd,
         torque_limit_nm: std::array::from_fn(|j| request.torque_limit_nm[j % 3]),
@@ -139,29 +141,41 @@ fn body_rates([roll, pitch, _]: [f64; 3], [droll, dpitch, dyaw]: [f64; 3]) -> [f
 
 /// B̃ with kp B̃ + kd dB̃/dt = u + kp q + kd q̇ along the plan: the bare law u = −kp (q − B̃) − kd (q̇ − dB̃/dt) then gives
 /// the planned torque on the planned motion. Least squares over the points, one polynomial a joint.
-fn compensated_reference(
+pub(crate) fn compensated_reference(
+    robot: &Robot,
     points: &[PlanPoint],
     step_duration_s: f64,
-    kp: &[f64; JOINTS],
-    kd: &[f64; JOINTS],
 ) -> [Coefficients; JOINTS] {
-    // Joints with the same gains share the least-squares problem's matrix.
-    let mut factors: Vec<([f64; 2], nalgebra::SVD<f64, nalgebra::Dyn, nalgebra::Dyn>)> = Vec::new();
+    // A joint's gains are its type's: legs share the least-squares problem's matrix.
+    let gains: [(f64, f64); 3] =
+        std::array::from_fn(|k| (robot.gains.kp_nm_per_rad[k], robot.gains.kd_nm_s_per_rad[k]));
+    let fits = gains.map(|(kp, kd)| {
+        Fit::new(points, |s, k| kp * bezier::basis(s)[k] + kd * bezier::basis_first_derivative(s)[k] / step_duration_s)
+    });
     std::array::from_fn(|j| {
-        let gains = [kp[j], kd[j]];
-        let known = factors.iter().position(|(of, _)| *of == gains).unwrap_or_else(|| {
-            let matrix = DMatrix::from_fn(points.len(), bezier::DEGREE + 1, |p, k| {
-                let s = points[p].phase;
-                kp[j] * bezier::basis(s)[k] + kd[j] * bezier::basis_first_derivative(s)[k] / step_duration_s
-            });
-            factors.push((gains, matrix.svd(true, true)));
-            factors.len() - 1
-        });
-        let right = nalgebra::DVector::from_fn(points.len(), |p, _| {
-            let point = &points[p];
-            point.torque_nm[j] + kp[j] * point.q[6 + j] + kd[j] * point.v[6 + j]
-        });
-        let solution = factors[known].1.solve(&right, 1e-12).expect("both factors were asked for");
-        std::array::from_fn(|k| solution[k])
+        let (kp, kd) = gains[j % 3];
+        fits[j % 3].coefficients(points, |p| p.torque_nm[j] + kp * p.q[6 + j] + kd * p.v[6 + j])
     })
+}
+
+/// The polynomials nearest to the joints of a plan that does not prescribe them.
+pub(crate) fn fitted_joints(points: &[PlanPoint]) -> [Coefficients; JOINTS] {
+    let fit = Fit::new(points, |s, k| bezier::basis(s)[k]);
+    std::array::from_fn(|j| fit.coefficients(points, |p| p.q[6 + j]))
+}
+
+/// Least squares over a plan's points for a polynomial's coefficients.
+struct Fit(nalgebra::SVD<f64, nalgebra::Dyn, nalgebra::Dyn>);
+
+impl Fit {
+    /// `basis` gives what coefficient k contributes at phase s.
+    fn new(points: &[PlanPoint], basis: impl Fn(f64, usize) -> f64) -> Self {
+        Self(DMatrix::from_fn(points.len(), bezier::DEGREE + 1, |p, k| basis(points[p].phase, k)).svd(true, true))
+    }
+
+    fn coefficients(&self, points: &[PlanPoint], wanted: impl Fn(&PlanPoint) -> f64) -> Coefficients {
+        let right = nalgebra::DVector::from_fn(points.len(), |p, _| wanted(&points[p]));
+        let solution = self.0.solve(&right, 1e-12).expect("both factors were asked for");
+        std::array::from_fn(|k| solution[k])
+    }
 }

@@ -24,10 +24,19 @@ pub struct GaitRequest {
     pub half_width_m: f64,
     /// Slope of the ground along the walk, rad; positive is uphill.
     pub slope_rad: f64,
+    /// Slope of the ground across the walk, rad; positive rises to the left. The mirror does not hold there: two steps are planned
+    /// ([`crate::plan_full_order`]).
+    #[serde(default, skip_serializing_if = "is_zero")]
+    pub sideways_slope_rad: f64,
     /// Friction coefficient that the ground forces may use.
     pub friction: f64,
     /// Torque bound of (hip roll, hip pitch, knee), N m, on all four legs.
     pub torque_limit_nm: [f64; 3],
+}
+
+/// So that a request without a sideways slope is written as it was before there was one.
+fn is_zero(value: &f64) -> bool {
+    *value == 0.0
 }
 
 /// Table I of Ma & Ames 2020: name, frequency Hz, clearance m, speed m/s. Its frequencies count steps: T = 1 / f.
@@ -126,6 +135,7 @@ impl GaitRequest {
             height_m: robot.nominal.height_m,
             half_width_m: robot.nominal.half_width_m,
             slope_rad: 0.0,
+            sideways_slope_rad: 0.0,
             friction: FRICTION,
             torque_limit_nm: robot.limits.plan_torque_nm,
         })
@@ -144,7 +154,7 @@ impl GaitRequest {
     }
 
     /// Every number of the request, under one name, in a fixed order.
-    pub(crate) const FIELDS: usize = 10;
+    pub(crate) const FIELDS: usize = 11;
 
     /// (field, value, smallest, largest, unit) of every number of the request.
     pub(crate) fn ranges(&self, leg_length_m: f64) -> [(&'static str, f64, f64, f64, &'static str); Self::FIELDS] {
@@ -159,6 +169,7 @@ impl GaitRequest {
             ("clearance_m", self.clearance_m, 0.0, 0.5 * self.height_m, "m"),
             ("speed_m_s", self.speed_m_s, -2.0, 2.0, "m/s"),
             ("slope_rad", self.slope_rad, -0.35, 0.35, "rad"),
+            ("sideways_slope_rad", self.sideways_slope_rad, -0.35, 0.35, "rad"),
             ("friction", self.friction, 0.1, 1.5, ""),
             ("torque_limit_nm[hip roll]", roll, 1.0, 1000.0, "N m"),
             ("torque_limit_nm[hip pitch]", pitch, 1.0, 1000.0, "N m"),
@@ -176,6 +187,7 @@ impl GaitRequest {
             &mut self.clearance_m,
             &mut self.speed_m_s,
             &mut self.slope_rad,
+            &mut self.sideways_slope_rad,
             &mut self.friction,
             roll,
             pitch,

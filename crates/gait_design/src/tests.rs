@@ -77,16 +77,24 @@ fn agrees_with_central_differences(program: &mut impl Problem, mut x: Vec<f64>) 
 #[test]
 fn the_full_order_program_s_jacobian_agrees_with_central_differences() {
     let robot = vision60();
-    let request = GaitRequest::named("amble", &robot).unwrap();
+    let mut request = GaitRequest::named("amble", &robot).unwrap();
     let settings = ProgramSettings { points: 5, ..ProgramSettings::default() };
-    let mut decomposed = program_of(&robot, &request, settings.clone()).unwrap();
-    let x = guess::nominal(&robot, &mut decomposed, &request).unwrap();
-    let mut x = full_order::recomposed(&decomposed, &x);
-    let mut random = noise(7);
-    for v in &mut x {
-        *v += 0.05 * random() * v.abs().max(1.0);
+    // A step, a stride, and the reference inside the program.
+    for (sideways_slope_rad, reference) in
+        [(0.0, Reference::Compensated), (0.1, Reference::Compensated), (0.1, Reference::InProgram)]
+    {
+        let mut decomposed = program_of(&robot, &request, settings.clone()).unwrap();
+        let x = guess::nominal(&robot, &mut decomposed, &request).unwrap();
+        request.sideways_slope_rad = sideways_slope_rad;
+        let robot = on_slope(&robot, &request);
+        let mut program = FullOrderProgram::new(&robot, &request, &settings, &decomposed, reference);
+        let mut x = full_order::recomposed(&program, &decomposed, &x);
+        let mut random = noise(7);
+        for v in &mut x {
+            *v += 0.05 * random() * v.abs().max(1.0);
+        }
+        agrees_with_central_differences(&mut program, x);
     }
-    agrees_with_central_differences(&mut FullOrderProgram::new(&robot, &request, &settings, &decomposed), x);
 }
 
 #[test]
@@ -293,13 +301,79 @@ fn a_plan_for_a_slope_follows_its_step_on_that_slope_and_leans_into_it() {
     let mut request = GaitRequest::named("amble", &robot).unwrap();
     request.slope_rad = 5.0_f64.to_radians();
     let plan = plan(&robot, &request, &PlanOptions::default(), go_on).unwrap();
-    let comparison = simulate_planned_step(&on_slope(&robot, request.slope_rad), &plan.gait, &plan.points).unwrap();
+    let comparison = simulate_planned_step(&on_slope(&robot, &request), &plan.gait, &plan.points).unwrap();
     assert!(comparison.follows_plan(), "{comparison:?}");
     // Uphill the ground pushes forward: the mean of the horizontal forces carries the weight's share along the slope.
     let mean: f64 = plan.points.iter().map(|p| p.ground_force_n[1][0] + p.ground_force_n[2][0]).sum::<f64>()
         / plan.points.len() as f64;
     let expected = robot.model.total_mass() * 9.81 * request.slope_rad.sin();
     assert!((mean - expected).abs() < 0.1 * expected, "{mean} N, expected about {expected} N");
+}
+
+#[test]
+fn on_a_sideways_slope_two_steps_are_planned_that_join_and_lean_into_it() {
+    let robot = vision60();
+    let mut request = GaitRequest::named("gait1", &robot).unwrap();
+    request.sideways_slope_rad = 5.0_f64.to_radians();
+    let plan = plan(&robot, &request, &PlanOptions::default(), go_on).unwrap();
+    println!("{:?}", plan.gait.solver);
+    let on_slope = on_slope(&robot, &request);
+    let weight = robot.model.total_mass() * 9.81;
+    for points in [&plan.points, &plan.second_points] {
+        let comparison = simulate_planned_step(&on_slope, &plan.gait, points).unwrap();
+        assert!(comparison.follows_plan(), "{comparison:?}");
+        let between = between_points(&on_slope, &request, &plan.gait, points);
+        assert!(between.is_kept(), "{between:?}");
+        // The ground rises to the left: it has to push to the left.
+        let sideways = points.iter().flat_map(|p| p.ground_force_n).map(|f| f[1]).sum::<f64>() / points.len() as f64;
+        let expected = weight * request.sideways_slope_rad.sin();
+        assert!((sideways - expected).abs() < 0.1 * expected, "{sideways} N, expected about {expected} N");
+    }
+    // A step ends as the other begins; a stride ends where it began.
+    let (first, second) = (&plan.points, &plan.second_points);
+    for (end, next) in [(first.last().unwrap(), &second[0]), (second.last().unwrap(), &first[0])] {
+        for i in 0..18 {
+            assert!((end.q[i] - next.q[i]).abs() < 1e-4 && (end.v[i] - next.v[i]).abs() < 1e-3, "coordinate {i}");
+        }
+    }
+    // The second step is none of the mirror's.
+    let mirrored = gait::Gait { second_step: None, ..plan.gait.clone() };
+    let (own, image) =
+        (plan.gait.planned(gait::StepSide::Mirrored, 0.5).0, mirrored.planned(gait::StepSide::Mirrored, 0.5).0);
+    assert!(own.iter().zip(image).any(|(a, b)| (a - b).abs() > 0.02), "{own:?} {image:?}");
+    let read = gait::Gait::from_json(&plan.gait.to_json()).unwrap();
+    assert_eq!(read, plan.gait);
+}
+
+#[test]
+fn a_reference_planned_in_the_program_gives_the_planned_torques_by_the_bare_law() {
+    let robot = vision60();
+    let request = GaitRequest::named("amble", &robot).unwrap();
+    let options = PlanOptions { reference: Reference::InProgram, ..PlanOptions::default() };
+    let plan = plan(&robot, &request, &options, go_on).unwrap();
+    let gait = &plan.gait;
+    println!("{:?}", gait.solver);
+    for point in &plan.points {
+        let (position, velocity) = gait.reference(gait::StepSide::First, point.phase);
+        for j in 0..12 {
+            let law = gait.kp[j] * (position[j] - point.q[6 + j]) + gait.kd[j] * (velocity[j] - point.v[6 + j]);
+            assert!(
+                (law - point.torque_nm[j]).abs() < 0.05,
+                "joint {j} at {}: {law}, planned {}",
+                point.phase,
+                point.torque_nm[j]
+            );
+        }
+    }
+}
+
+#[test]
+fn a_library_on_a_sideways_slope_is_refused() {
+    let robot = vision60();
+    let base = GaitRequest { sideways_slope_rad: 0.1, ..GaitRequest::named("amble", &robot).unwrap() };
+    let axis = library::Axis { field: library::Field::SpeedMS, values: vec![0.0, 0.3] };
+    let error = library::Grid::new(&robot, base, vec![axis]).unwrap_err().to_string();
+    assert!(error.contains("sideways slope"), "{error}");
 }
 
 #[test]

@@ -5,7 +5,7 @@ use crate::recompose::PlanPoint;
 use crate::request::GaitRequest;
 use decomposition::DynamicsError;
 use decomposition::simulation::{Contacts, Options, State, simulate_phase};
-use gait::{Gait, JOINTS, bezier};
+use gait::{Gait, JOINTS, StepSide, bezier};
 use nalgebra::{DMatrix, DVector};
 use rigid_body::{Data, Model, crba, rnea};
 use robot::Robot;
@@ -21,14 +21,14 @@ pub struct StepComparison {
     pub body_orientation_error_rad: f64,
     /// Largest difference of a stance toe's normal force, as a fraction of the robot's weight.
     pub normal_force_error: f64,
-    /// Heights of toes 0 and 3 above the floor when the step ends, m.
+    /// Heights of the swing toes above the floor when the step ends, m.
     pub landing_height_m: [f64; 2],
 }
 
 /// Proportional and derivative gains of the linearised outputs, 1/s² and 1/s.
 const OUTPUT_GAINS: (f64, f64) = (900.0, 60.0);
 
-/// Simulates the first step of a plan with the full-order model and compares. For a plan on a slope, `robot` is
+/// Simulates a step of a plan, that of `points`, with the full-order model and compares. For a plan on a slope, `robot` is
 /// [`crate::on_slope`]'s.
 ///
 /// # Errors
@@ -41,8 +41,8 @@ pub fn simulate_planned_step(
 ) -> Result<StepComparison, DynamicsError> {
     let model = &robot.model;
     let t = gait.step_duration_s;
-    let stance = [robot.legs[1].toe, robot.legs[2].toe];
-    let swing = [robot.legs[0].toe, robot.legs[3].toe];
+    let (side, legs, swing) = step_of(points);
+    let [stance, swing] = [legs, swing].map(|legs| legs.map(|leg| robot.legs[leg].toe));
     let start = State { time_s: 0.0, q: points[0].q.to_vec(), v: points[0].v.to_vec() };
     let times: Vec<f64> = points.iter().map(|p| p.phase * t).collect();
     let mut data = Data::new(model);
@@ -55,7 +55,7 @@ pub fn simulate_planned_step(
         &times,
         &Options { relative_tolerance: 1e-7, absolute_tolerance: 1e-7, ..Options::default() },
         |time, q, v, torque| {
-            let wanted = output_acceleration(gait, time, q, v);
+            let wanted = output_acceleration(gait, side, time, q, v);
             let solution = linearise(model, &mut data, &stance, q, v, &wanted);
             torque.copy_from_slice(&solution.torque);
         },
@@ -80,9 +80,9 @@ pub fn simulate_planned_step(
         comparison.body_position_error_m = comparison.body_position_error_m.max(largest(0..3));
         comparison.body_orientation_error_rad = comparison.body_orientation_error_rad.max(largest(3..6));
         comparison.joint_error_rad = comparison.joint_error_rad.max(largest(6..18));
-        let wanted = output_acceleration(gait, time, &state.q, &state.v);
+        let wanted = output_acceleration(gait, side, time, &state.q, &state.v);
         let forces = linearise(model, &mut data, &stance, &state.q, &state.v, &wanted).normal_force;
-        for (force, leg) in forces.into_iter().zip([1, 2]) {
+        for (force, leg) in forces.into_iter().zip(legs) {
             let error = (force - point.ground_force_n[leg][2]).abs() / weight;
             comparison.normal_force_error = comparison.normal_force_error.max(error);
         }
@@ -94,18 +94,28 @@ pub fn simulate_planned_step(
 }
 
 /// θ̈ that makes the outputs y = θ − B(t) decay: ÿ = −k1 ẏ − k2 y.
-fn output_acceleration(gait: &Gait, time: f64, q: &[f64], v: &[f64]) -> [f64; JOINTS] {
+fn output_acceleration(gait: &Gait, side: StepSide, time: f64, q: &[f64], v: &[f64]) -> [f64; JOINTS] {
     let t = gait.step_duration_s;
     let s = (time / t).clamp(0.0, 1.0);
     let (value, slope, second) =
         (bezier::basis(s), bezier::basis_first_derivative(s), bezier::basis_second_derivative(s));
     let (stiffness, damping) = OUTPUT_GAINS;
+    let polynomials = gait.planned_coefficients(side);
     std::array::from_fn(|j| {
-        let c = &gait.coefficients_rad[j];
+        let c = &polynomials[j];
         let y = q[6 + j] - bezier::combine(c, &value);
         let dy = v[6 + j] - bezier::combine(c, &slope) / t;
         bezier::combine(c, &second) / (t * t) - damping * dy - stiffness * y
     })
+}
+
+/// Which step a plan's points are of, its stance legs (those that the ground pushes on) and its swing legs.
+fn step_of(points: &[PlanPoint]) -> (StepSide, [usize; 2], [usize; 2]) {
+    if points[0].ground_force_n[1][2] > 0.0 {
+        (StepSide::First, [1, 2], [0, 3])
+    } else {
+        (StepSide::Mirrored, [0, 3], [1, 2])
+    }
 }
 
 struct Linearised {
@@ -216,6 +226,7 @@ pub fn between_points(robot: &Robot, request: &GaitRequest, gait: &Gait, points:
     let h = 2.0 * t / (points.len() - 1) as f64;
     let normal_force_min_n = crate::ProgramSettings::default().normal_force_min_share * model.total_mass() * 9.81;
     let face = request.friction / std::f64::consts::SQRT_2;
+    let (side, legs, swing) = step_of(points);
     let mut stood: Option<[nalgebra::Vector3<f64>; 2]> = None;
     let raise = |to: &mut f64, value: f64| *to = to.max(value);
     for three in points.windows(3).step_by(2) {
@@ -238,20 +249,21 @@ pub fn between_points(robot: &Robot, request: &GaitRequest, gait: &Gait, points:
                 let of = |k: usize| [p0, p1, p2].map(|p| p.ground_force_n[leg][k]);
                 nalgebra::Vector3::from_fn(|k, _| weighed(value, of(k)))
             };
-            let forces = [(robot.legs[1].toe, force(1)), (robot.legs[2].toe, force(2))];
+            let forces = legs.map(|leg| (robot.legs[leg].toe, force(leg)));
             let all = rnea(model, &mut data, &q, &v, &a, &forces);
             raise(&mut worst.imbalance, all.rows(0, 6).amax());
             let tau: [f64; JOINTS] = std::array::from_fn(|j| all[6 + j]);
             let toe = [0, 1, 2, 3].map(|leg| rigid_body::frame_position(model, &data, robot.legs[leg].toe));
-            let start = *stood.get_or_insert([toe[1], toe[2]]);
-            for (toe, start) in [toe[1], toe[2]].iter().zip(start) {
+            let standing = legs.map(|leg| toe[leg]);
+            let start = *stood.get_or_insert(standing);
+            for (toe, start) in standing.iter().zip(start) {
                 raise(&mut worst.stance_slip_m, (toe - start).norm());
             }
-            for toe in [toe[0], toe[3]] {
+            for toe in swing.map(|leg| toe[leg]) {
                 raise(&mut worst.swing_below_floor_m, -toe.z);
             }
             let phase = p0.phase + s * (p2.phase - p0.phase);
-            let (planned, _) = gait.planned(gait::StepSide::First, phase);
+            let (planned, _) = gait.planned(side, phase);
             for j in 0..JOINTS {
                 let (leg, k) = (&robot.legs[j / 3], j % 3);
                 let outside = (leg.position_min_rad[k] - q[6 + j]).max(q[6 + j] - leg.position_max_rad[k]);

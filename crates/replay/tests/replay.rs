@@ -30,6 +30,7 @@ fn gait(robot: &Robot) -> Gait {
         step_length_m: 0.0,
         coefficients_rad: rows,
         mirror: Mirror { leg: [2, 3, 0, 1], sign: [-1.0, 1.0, 1.0] },
+        second_step: None,
         initial: InitialState {
             base_position_m: [0.0, 0.0, 0.58],
             base_quaternion_xyzw: [0.0, 0.0, 0.0, 1.0],

@@ -2,7 +2,7 @@
 
 use crate::robots::RobotArguments;
 use anyhow::{Context, Result, bail};
-use gait_design::{Complex, GaitRequest, Plan, PlanOptions};
+use gait_design::{Complex, GaitRequest, Plan, PlanOptions, PlanPoint, Reference};
 use std::ops::ControlFlow;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
@@ -51,12 +51,19 @@ pub struct Arguments {
     /// Slope of the ground, degrees; positive is uphill
     #[arg(long, value_name = "DEG", allow_negative_numbers = true)]
     slope: Option<f64>,
+    /// Slope of the ground across the walk, degrees; positive rises to the left. Two steps are planned, by the full-order program:
+    /// seconds instead of milliseconds
+    #[arg(long, value_name = "DEG", allow_negative_numbers = true)]
+    sideways_slope: Option<f64>,
     /// Friction coefficient that the plan may use
     #[arg(long, value_name = "MU", allow_negative_numbers = true)]
     friction: Option<f64>,
     /// Torque bound of every joint, N m
     #[arg(long, value_name = "NM", allow_negative_numbers = true)]
     torque_limit: Option<f64>,
+    /// What the tracking law follows
+    #[arg(long, value_enum, default_value_t = ReferenceArgument::Compensated)]
+    reference: ReferenceArgument,
     /// Where to write the gait file; with `all`, a folder
     #[arg(short, long, value_name = "FILE")]
     output: Option<PathBuf>,
@@ -72,6 +79,26 @@ pub struct Arguments {
     verbose: bool,
     #[command(flatten)]
     robot: RobotArguments,
+}
+
+#[derive(Clone, Copy, clap::ValueEnum)]
+enum ReferenceArgument {
+    /// A reference that makes the bare law give the planned torques
+    Compensated,
+    /// The planned joints themselves: the robot sags, for comparison
+    PlannedJoints,
+    /// A reference planned inside the full-order program, with the law's torques: seconds instead of milliseconds
+    InProgram,
+}
+
+impl From<ReferenceArgument> for Reference {
+    fn from(argument: ReferenceArgument) -> Self {
+        match argument {
+            ReferenceArgument::Compensated => Self::Compensated,
+            ReferenceArgument::PlannedJoints => Self::PlannedJoints,
+            ReferenceArgument::InProgram => Self::InProgram,
+        }
+    }
 }
 
 /// How long to look for something near that can be planned, where a request cannot.
@@ -92,7 +119,7 @@ pub fn run(arguments: &Arguments) -> Result<ExitCode> {
     let mut followed = true;
     for (index, name) in names.into_iter().enumerate() {
         let request = arguments.request(name, &robot)?;
-        let plan = timed(&robot, &request, arguments.verbose)?;
+        let plan = timed(&robot, &request, arguments.reference.into(), arguments.verbose)?;
         let solver = &plan.gait.solver;
         let file = arguments.output.as_ref().map(|o| if all { o.join(format!("{name}.json")) } else { o.clone() });
         if let Some(file) = &file {
@@ -117,7 +144,12 @@ pub fn run(arguments: &Arguments) -> Result<ExitCode> {
             followed = false;
         }
         if arguments.stability {
-            let on_slope = gait_design::on_slope(&robot, request.slope_rad);
+            if !plan.second_points.is_empty() {
+                bail!(
+                    "--stability is for gaits whose second step mirrors the first; {name} on a sideways slope is none"
+                );
+            }
+            let on_slope = gait_design::on_slope(&robot, &request);
             let s = gait_design::stability(&on_slope, &plan.gait, &plan.points)
                 .with_context(|| format!("cannot linearise {name}"))?;
             let show =
@@ -148,7 +180,7 @@ fn table(arguments: &Arguments, robot: &robot::Robot) -> Result<()> {
         let request = arguments.request(row.behaviour, robot)?;
         let mut best: Option<Plan> = None;
         for _ in 0..TIMES {
-            let plan = timed(robot, &request, false)?;
+            let plan = timed(robot, &request, arguments.reference.into(), false)?;
             if best.as_ref().is_none_or(|b| plan.gait.solver.solve_time_s < b.gait.solver.solve_time_s) {
                 best = Some(plan);
             }
@@ -194,6 +226,7 @@ impl Arguments {
             (&mut request.height_m, self.height),
             (&mut request.half_width_m, self.half_width),
             (&mut request.slope_rad, self.slope.map(f64::to_radians)),
+            (&mut request.sideways_slope_rad, self.sideways_slope.map(f64::to_radians)),
             (&mut request.friction, self.friction),
         ] {
             if let Some(value) = value {
@@ -208,7 +241,7 @@ impl Arguments {
 }
 
 /// Plans and states the wall time.
-fn timed(robot: &robot::Robot, request: &GaitRequest, verbose: bool) -> Result<Plan> {
+fn timed(robot: &robot::Robot, request: &GaitRequest, reference: Reference, verbose: bool) -> Result<Plan> {
     let start = Instant::now();
     let report = |i: &nlp::Iteration| {
         if verbose {
@@ -224,19 +257,26 @@ fn timed(robot: &robot::Robot, request: &GaitRequest, verbose: bool) -> Result<P
         }
         ControlFlow::Continue(())
     };
-    let mut plan = gait_design::plan_or_nearest(robot, request, &PlanOptions::default(), report, || {
-        start.elapsed() < SEARCH_LIMIT
-    })
-    .with_context(|| format!("cannot plan {}", request.behaviour))?;
+    let options = PlanOptions { reference, ..PlanOptions::default() };
+    let mut plan = gait_design::plan_or_nearest(robot, request, &options, report, || start.elapsed() < SEARCH_LIMIT)
+        .with_context(|| format!("cannot plan {}", request.behaviour))?;
     plan.gait.solver.solve_time_s = start.elapsed().as_secs_f64();
     Ok(plan)
 }
 
-/// Simulates the planned step with the full-order model, prints how it compares, and says whether it follows the plan.
+/// Simulates each planned step with the full-order model, prints how it compares, and says whether it follows the plan.
 fn verify(robot: &robot::Robot, request: &GaitRequest, plan: &Plan) -> Result<bool> {
-    let robot = gait_design::on_slope(robot, request.slope_rad);
-    let c = gait_design::simulate_planned_step(&robot, &plan.gait, &plan.points)
-        .with_context(|| format!("cannot simulate {}", plan.gait.name))?;
+    let robot = gait_design::on_slope(robot, request);
+    let mut good = true;
+    for points in [&plan.points, &plan.second_points].into_iter().filter(|points| !points.is_empty()) {
+        good &= verify_step(&robot, request, &plan.gait, points)?;
+    }
+    Ok(good)
+}
+
+fn verify_step(robot: &robot::Robot, request: &GaitRequest, gait: &gait::Gait, points: &[PlanPoint]) -> Result<bool> {
+    let c = gait_design::simulate_planned_step(robot, gait, points)
+        .with_context(|| format!("cannot simulate {}", gait.name))?;
     let follows = c.follows_plan();
     println!(
         "         full-order step {}: joints within {:.1e} rad, body {:.1e} m and {:.1e} rad, normal forces {:.3} %, toes land at {:+.1e} and {:+.1e} m",
@@ -248,7 +288,7 @@ fn verify(robot: &robot::Robot, request: &GaitRequest, plan: &Plan) -> Result<bo
         c.landing_height_m[0],
         c.landing_height_m[1]
     );
-    let b = gait_design::between_points(&robot, request, &plan.gait, &plan.points);
+    let b = gait_design::between_points(robot, request, gait, points);
     println!(
         "         between the points {}: stance toes slip {:.1e} m, swing toes {:.1e} m below the floor, joints {:.1e} rad from their polynomials, base out of balance by {:.2} N or N m; beyond limits: joints {:.1e} rad, {:.1e} rad/s, torque {:.2} N m, ground forces {:.2} N",
         if b.is_kept() { "the plan is kept" } else { "the plan is NOT KEPT" },

@@ -2,11 +2,13 @@
 
 use control::{DriveMode, Mode};
 use gait::Gait;
+use gait_design::{GaitRequest, PlanOptions};
 use joint_bus::{BusConfig, DriveModel};
 use robot::Robot;
+use std::ops::ControlFlow;
 use std::path::Path;
 use tandem_sim_bridge::pictures::{self, Studio};
-use tandem_sim_bridge::simulator::{Posture, Push, SimulatorOptions};
+use tandem_sim_bridge::simulator::{Posture, Push, SimulatorOptions, Terrain};
 use tandem_sim_bridge::walk::{Drives, End, Start, Walk, WalkError, WalkOptions, walk};
 
 fn vision60() -> Robot {
@@ -32,6 +34,39 @@ fn the_controller_walks_the_amble_as_the_bare_law_does_elsewhere() {
         assert!((ours / theirs - 1.0).abs() < 0.05, "{torque:?}");
     }
     assert!((walk.figures.speed_m_s - 0.3605).abs() < 0.01, "{:?}", walk.figures);
+}
+
+/// Plans the amble for a slope (degrees up ahead, up to the left) and walks it there for 20 s; without a plan of its own, the flat
+/// ground's.
+fn on_slope(planned_deg: [f64; 2], walked_deg: [f64; 2]) -> Walk {
+    let robot = vision60();
+    let mut request = GaitRequest::named("amble", &robot).unwrap();
+    [request.slope_rad, request.sideways_slope_rad] = planned_deg.map(f64::to_radians);
+    let plan = gait_design::plan(&robot, &request, &PlanOptions::default(), |_| ControlFlow::Continue(())).unwrap();
+    let [uphill_rad, sideways_rad] = walked_deg.map(f64::to_radians);
+    let terrain = Terrain::Slope { uphill_rad, sideways_rad };
+    let simulator = SimulatorOptions { terrain, ..SimulatorOptions::default() };
+    // As it comes out of the file.
+    let gait = Gait::from_json(&plan.gait.to_json()).unwrap();
+    walk(&robot, &gait, &WalkOptions { simulator, ..WalkOptions::default() }, &mut |_, _, _| {}).unwrap()
+}
+
+#[test]
+fn ambles_planned_for_slopes_up_and_down_stay_up_on_them() {
+    for (uphill_deg, speed_m_s) in [(10.0, 0.28), (-10.0, 0.37)] {
+        let walk = on_slope([uphill_deg, 0.0], [uphill_deg, 0.0]);
+        assert_eq!(walk.end, End::Upright, "{uphill_deg} degrees: {walk:?}");
+        assert!((walk.figures.speed_m_s - speed_m_s).abs() < 0.03, "{uphill_deg} degrees: {:?}", walk.figures);
+    }
+}
+
+#[test]
+fn an_amble_planned_for_a_sideways_slope_stays_up_on_it_and_the_flat_one_does_not() {
+    let walk = on_slope([0.0, 5.0], [0.0, 5.0]);
+    assert_eq!(walk.end, End::Upright, "{walk:?}");
+    assert!((walk.figures.speed_m_s - 0.35).abs() < 0.05, "{:?}", walk.figures);
+    let flat = on_slope([0.0, 0.0], [0.0, 5.0]);
+    assert_ne!(flat.end, End::Upright, "{flat:?}");
 }
 
 #[test]

@@ -86,6 +86,7 @@ pub fn gait_at(name: &str, posture: [f64; 3], step_duration_s: f64) -> Gait {
         step_length_m: 0.0,
         coefficients_rad: rows,
         mirror: Mirror { leg: [2, 3, 0, 1], sign: [-1.0, 1.0, 1.0] },
+        second_step: None,
         initial: InitialState {
             base_position_m: [0.0, 0.0, 0.58],
             base_quaternion_xyzw: [0.0, 0.0, 0.0, 1.0],
