@@ -14,8 +14,8 @@ use crate::program::{DecomposedProgram, Places, ProgramSettings, STANCE_ROLL, Si
 use crate::recompose::{self, PlanPoint};
 use crate::request::GaitRequest;
 use crate::{
-    Plan, PlanError, PlanOptions, Planner, Reference, SubproblemSolver, WarmStart, guess, leg_length_m, not_converged,
-    on_slope, program_of,
+    Plan, PlanError, PlanOptions, Planner, Reference, SubproblemSolver, WarmStart, between_points, guess, leg_length_m,
+    not_converged, on_slope, program_of,
 };
 use gait::{Coefficients, JOINTS, SecondStep, SolverSummary, bezier};
 use nlp::{Bounds, Evaluation, Iteration, Pattern, Problem, SqpSolver, Status};
@@ -811,6 +811,7 @@ pub(crate) fn recomposed(full: &FullOrderProgram, program: &DecomposedProgram, x
 /// Plans by the full-order program, its subproblems by Clarabel, from the decomposed program's guess. On a sideways slope both steps
 /// of the stride are planned; there, and with the reference in the program, the start is the decomposed program's solution for
 /// the same request without that slope, if it has one.
+/// What is planned with such a start is checked between the points as well; the others, there to be compared, are not.
 /// `options.subproblem` and `options.warm_start` have no meaning here.
 ///
 /// # Errors
@@ -894,6 +895,12 @@ pub fn plan_full_order(
     };
     let mut gait = recompose::gait(robot, joints, t, request, &points, summary, second_step)?;
     gait.reference_coefficients_rad = reference;
+    if !alike {
+        // Those are to be walked: what holds for every plan of the decomposed program has to hold for them.
+        for points in [&points, &second_points].into_iter().filter(|points| !points.is_empty()) {
+            between_points(robot, request, &gait, points).check(points.len())?;
+        }
+    }
     Ok(Plan { gait, points, second_points, warm_start: WarmStart(Vec::new()), log: solution.log })
 }
 

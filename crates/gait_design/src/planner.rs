@@ -66,15 +66,7 @@ impl Planner {
         };
         let (x, coefficients) = (&solution.x, recompose::coefficients(program, &solution.x));
         let mut gait = recompose::gait(robot, coefficients, x[program::layout::T], request, &points, summary, None)?;
-        let between = between_points(robot, request, &gait, &points);
-        let broken = between.broken();
-        if !broken.is_empty() {
-            let points = points.len();
-            return Err(PlanError::Unverified(format!(
-                "between the program's {points} points {}; plan with more points",
-                broken.join(", ")
-            )));
-        }
+        between_points(robot, request, &gait, &points).check(points.len())?;
         if options.reference == Reference::PlannedJoints {
             gait.reference_coefficients_rad = gait.coefficients_rad;
         }

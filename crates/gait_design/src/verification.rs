@@ -1,6 +1,7 @@
 //! The paper's Fig. "bi2quad": one step of the full-order quadruped, simulated from the gait's start under the input–output
 //! linearising law, beside the plan of the decomposed front biped. Nothing of the decomposition is used here.
 
+use crate::PlanError;
 use crate::recompose::PlanPoint;
 use crate::request::GaitRequest;
 use decomposition::DynamicsError;
@@ -196,6 +197,18 @@ impl BetweenPoints {
     /// within a millimetre.
     pub fn is_kept(&self) -> bool {
         self.broken().is_empty()
+    }
+
+    /// Refuses a plan that breaks something between its `points`.
+    pub(crate) fn check(&self, points: usize) -> Result<(), PlanError> {
+        let broken = self.broken();
+        if broken.is_empty() {
+            return Ok(());
+        }
+        Err(PlanError::Unverified(format!(
+            "between the program's {points} points {}; plan with more points",
+            broken.join(", ")
+        )))
     }
 
     /// What is broken, each with its amount and what is allowed. Written so that NaN counts as broken.
