@@ -3,7 +3,7 @@
 //! ([`plan_full_order`]). The rear legs are not tied to the front ones by a pairing, so its optimum can only be lower; for the
 //! Vision 60's gaits it costs about half.
 //!
-//! Two requests need it. On a sideways slope a step's mirror image is no step: two steps are planned, each with its own polynomials and
+//! Three kinds of request need it. On a sideways slope, and with a torso that leans to a side, a step's mirror image is no step: two steps are planned, each with its own polynomials and
 //! stance toes, joined by q and q̇ at the first switch and closed over the stride. And the reference may be planned inside the
 //! program ([`Reference::InProgram`]): the polynomials are then what the tracking law follows, its torque stands in place of
 //! y = 0, and the joints are where that leads them.
@@ -163,7 +163,7 @@ impl FullOrderProgram {
         reference: Reference,
     ) -> Self {
         let layout = Layout {
-            steps: if request.sideways_slope_rad == 0.0 { 1 } else { 2 },
+            steps: if request.is_mirrored() { 1 } else { 2 },
             points: settings.points,
             joints_prescribed: reference != Reference::InProgram,
         };
@@ -213,6 +213,7 @@ impl FullOrderProgram {
             program.weights.extend(front.map(|i| (p + at::A + i, settings.acceleration_weight, 0.0)));
             program.weights.extend((0..JOINTS).map(|j| (p + at::U + j, settings.torque_weight, 0.0)));
         }
+        program.lean(request);
         program.hessian = Pattern(program.weights.iter().map(|w| (w.0, w.0)).collect());
         let x = vec![0.0; program.bounds.variable_lower.len()];
         let mut places = Places(Vec::new());
@@ -280,6 +281,23 @@ impl FullOrderProgram {
         }
         [self.bounds.variable_lower, self.bounds.variable_upper] = variables;
         [self.bounds.constraint_lower, self.bounds.constraint_upper] = constraints;
+    }
+
+    /// Holds the torso at the angles asked for, where they are not 0.
+    fn lean(&mut self, request: &GaitRequest) {
+        /// How far from its angle a leaning torso may sway, rad, and the cost of it, 1/rad².
+        const SWAY_RAD: f64 = 0.05;
+        const WEIGHT: f64 = 1.0;
+        for (coordinate, angle) in [(3, request.torso_roll_rad), (4, request.torso_pitch_rad)] {
+            if angle == 0.0 {
+                continue;
+            }
+            for index in 0..self.layout.all_points() {
+                let i = self.layout.point(index) + at::Q + coordinate;
+                (self.bounds.variable_lower[i], self.bounds.variable_upper[i]) = (angle - SWAY_RAD, angle + SWAY_RAD);
+                self.weights.push((i, WEIGHT, angle));
+            }
+        }
     }
 
     /// The leg that does in `step` what `leg` does in the first.
@@ -824,12 +842,12 @@ pub fn plan_full_order(
     progress: impl FnMut(&Iteration) -> ControlFlow<()>,
 ) -> Result<Plan, PlanError> {
     request.validate(leg_length_m(robot))?;
-    let level = GaitRequest { sideways_slope_rad: 0.0, ..request.clone() };
+    let level = GaitRequest { sideways_slope_rad: 0.0, torso_pitch_rad: 0.0, torso_roll_rad: 0.0, ..request.clone() };
     let level_robot = &on_slope(robot, &level);
     let level_options = PlanOptions { subproblem: SubproblemSolver::default(), warm_start: None, ..options.clone() };
     let mut decomposed = program_of(level_robot, &level, options.program.clone())?;
     // Where the program differs from the decomposed one by its rear legs only, the two start alike, to be compared.
-    let alike = request.sideways_slope_rad == 0.0 && options.reference != Reference::InProgram;
+    let alike = request.is_decomposable() && options.reference != Reference::InProgram;
     let near = if alike {
         None
     } else {

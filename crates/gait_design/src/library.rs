@@ -238,9 +238,9 @@ impl Grid {
 
     fn check(&self) -> Result<(), LibraryError> {
         let wrong = |problem: String| Err(LibraryError::Grid(problem));
-        if self.base.sideways_slope_rad != 0.0 {
+        if !self.base.is_decomposable() {
             return wrong(
-                "is on a sideways slope, for which the library's program does not plan: use `tandem plan`".into(),
+                "is on a sideways slope or leans the torso, for which the library's program does not plan: use `tandem plan`".into(),
             );
         }
         if self.axes.is_empty() {

@@ -51,7 +51,7 @@ impl Planner {
         options: &PlanOptions,
         progress: impl FnMut(&Iteration) -> ControlFlow<()>,
     ) -> Result<Plan, PlanError> {
-        if request.sideways_slope_rad != 0.0 || options.reference == Reference::InProgram {
+        if !request.is_decomposable() || options.reference == Reference::InProgram {
             return plan_full_order(&self.robot, request, options, progress);
         }
         let solution = self.solve(request, options, progress)?;

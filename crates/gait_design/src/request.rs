@@ -28,13 +28,20 @@ pub struct GaitRequest {
     /// ([`crate::plan_full_order`]).
     #[serde(default, skip_serializing_if = "is_zero")]
     pub sideways_slope_rad: f64,
+    /// Pitch that the torso is held at, rad; positive lowers its nose. Other than 0 it takes the full-order program, whose rear legs
+    /// are not tied to the front ones.
+    #[serde(default, skip_serializing_if = "is_zero")]
+    pub torso_pitch_rad: f64,
+    /// Roll that the torso is held at, rad; positive lowers its right side. The mirror does not hold there: two steps are planned.
+    #[serde(default, skip_serializing_if = "is_zero")]
+    pub torso_roll_rad: f64,
     /// Friction coefficient that the ground forces may use.
     pub friction: f64,
     /// Torque bound of (hip roll, hip pitch, knee), N m, on all four legs.
     pub torque_limit_nm: [f64; 3],
 }
 
-/// So that a request without a sideways slope is written as it was before there was one.
+/// So that a request without these is written as it was before they came.
 fn is_zero(value: &f64) -> bool {
     *value == 0.0
 }
@@ -136,6 +143,8 @@ impl GaitRequest {
             half_width_m: robot.nominal.half_width_m,
             slope_rad: 0.0,
             sideways_slope_rad: 0.0,
+            torso_pitch_rad: 0.0,
+            torso_roll_rad: 0.0,
             friction: FRICTION,
             torque_limit_nm: robot.limits.plan_torque_nm,
         })
@@ -153,8 +162,18 @@ impl GaitRequest {
         Ok(())
     }
 
+    /// Whether the second step is the mirror image of the first.
+    pub fn is_mirrored(&self) -> bool {
+        self.sideways_slope_rad == 0.0 && self.torso_roll_rad == 0.0
+    }
+
+    /// Whether the decomposed program can plan it, in which the rear legs' joints are the front ones'.
+    pub fn is_decomposable(&self) -> bool {
+        self.is_mirrored() && self.torso_pitch_rad == 0.0
+    }
+
     /// Every number of the request, under one name, in a fixed order.
-    pub(crate) const FIELDS: usize = 11;
+    pub(crate) const FIELDS: usize = 13;
 
     /// (field, value, smallest, largest, unit) of every number of the request.
     pub(crate) fn ranges(&self, leg_length_m: f64) -> [(&'static str, f64, f64, f64, &'static str); Self::FIELDS] {
@@ -170,6 +189,8 @@ impl GaitRequest {
             ("speed_m_s", self.speed_m_s, -2.0, 2.0, "m/s"),
             ("slope_rad", self.slope_rad, -0.35, 0.35, "rad"),
             ("sideways_slope_rad", self.sideways_slope_rad, -0.35, 0.35, "rad"),
+            ("torso_pitch_rad", self.torso_pitch_rad, -0.25, 0.25, "rad"),
+            ("torso_roll_rad", self.torso_roll_rad, -0.25, 0.25, "rad"),
             ("friction", self.friction, 0.1, 1.5, ""),
             ("torque_limit_nm[hip roll]", roll, 1.0, 1000.0, "N m"),
             ("torque_limit_nm[hip pitch]", pitch, 1.0, 1000.0, "N m"),
@@ -188,6 +209,8 @@ impl GaitRequest {
             &mut self.speed_m_s,
             &mut self.slope_rad,
             &mut self.sideways_slope_rad,
+            &mut self.torso_pitch_rad,
+            &mut self.torso_roll_rad,
             &mut self.friction,
             roll,
             pitch,

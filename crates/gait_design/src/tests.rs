@@ -510,3 +510,30 @@ fn a_planner_s_gait_does_not_depend_on_the_requests_before() {
     planner.plan(&request, &options, |_| ControlFlow::Break(())).unwrap_err();
     assert_eq!(planner.plan(&request, &options, go_on).unwrap().gait.to_json(), before);
 }
+
+#[test]
+fn a_leaning_torso_is_held_at_its_angle() {
+    let robot = vision60();
+    for (torso_pitch_rad, torso_roll_rad) in [(0.1, 0.0), (-0.1, 0.0), (0.0, 0.08)] {
+        let request = GaitRequest { torso_pitch_rad, torso_roll_rad, ..GaitRequest::named("amble", &robot).unwrap() };
+        let plan = plan(&robot, &request, &PlanOptions::default(), go_on).unwrap();
+        println!("{torso_pitch_rad} {torso_roll_rad}: {:?}", plan.gait.solver);
+        assert_eq!(plan.gait.second_step.is_some(), torso_roll_rad != 0.0);
+        for points in [&plan.points, &plan.second_points] {
+            if points.is_empty() {
+                continue;
+            }
+            let comparison = simulate_planned_step(&robot, &plan.gait, points).unwrap();
+            assert!(comparison.follows_plan(), "{comparison:?}");
+            let between = between_points(&robot, &request, &plan.gait, points);
+            assert!(between.is_kept(), "{between:?}");
+        }
+        let all: Vec<_> = plan.points.iter().chain(&plan.second_points).collect();
+        for (coordinate, angle) in [(3, torso_roll_rad), (4, torso_pitch_rad)] {
+            if angle != 0.0 {
+                let mean = all.iter().map(|p| p.q[coordinate]).sum::<f64>() / all.len() as f64;
+                assert!((mean - angle).abs() < 0.01, "coordinate {coordinate}: {mean} rad, asked {angle}");
+            }
+        }
+    }
+}

@@ -55,6 +55,12 @@ pub struct Arguments {
     /// seconds instead of milliseconds
     #[arg(long, value_name = "DEG", allow_negative_numbers = true)]
     sideways_slope: Option<f64>,
+    /// Pitch that the torso is held at, degrees; positive lowers its nose. Planned by the full-order program: seconds
+    #[arg(long, value_name = "DEG", allow_negative_numbers = true)]
+    torso_pitch: Option<f64>,
+    /// Roll that the torso is held at, degrees; positive lowers its right side. Two steps, by the full-order program: seconds
+    #[arg(long, value_name = "DEG", allow_negative_numbers = true)]
+    torso_roll: Option<f64>,
     /// Friction coefficient that the plan may use
     #[arg(long, value_name = "MU", allow_negative_numbers = true)]
     friction: Option<f64>,
@@ -227,6 +233,8 @@ impl Arguments {
             (&mut request.half_width_m, self.half_width),
             (&mut request.slope_rad, self.slope.map(f64::to_radians)),
             (&mut request.sideways_slope_rad, self.sideways_slope.map(f64::to_radians)),
+            (&mut request.torso_pitch_rad, self.torso_pitch.map(f64::to_radians)),
+            (&mut request.torso_roll_rad, self.torso_roll.map(f64::to_radians)),
             (&mut request.friction, self.friction),
         ] {
             if let Some(value) = value {
