@@ -16,7 +16,7 @@
 //! Where the robot is and where it is heading do not matter to it: x, y and yaw have multipliers of modulus 1 by symmetry, which
 //! are set apart. If all the others are inside the unit circle, the gait is stable in this model. The converse does not hold for
 //! the robot: a toe that is too low lands before T and catches the fall, which a linear map of steps with touchdown by the clock
-//! cannot show. docs/planning.md compares it with a simulation that has early touchdown, slip and soft ground.
+//! cannot show. docs/planning.md has the measurement: MuJoCo's own map has these multipliers once its touchdown is by the clock.
 
 use crate::recompose::PlanPoint;
 use decomposition::{ContactDynamics, DynamicsError};
