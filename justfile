@@ -23,4 +23,4 @@ bench *ARGUMENTS:
 # format and lints
 lint:
     cargo fmt --all
-    cargo clippy --workspace --release --all-targets -- -D warnings
+    cargo clippy --workspace --release --all-targets --no-deps -- -D warnings

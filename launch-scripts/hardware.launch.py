@@ -15,6 +15,9 @@ def generate_launch_description():
     arguments = [
         DeclareLaunchArgument("namespace", default_value="", description="Namespace of the nodes."),
         DeclareLaunchArgument("robot", default_value="config/robots/vision60", description="Folder of the robot."),
+        DeclareLaunchArgument(
+            "autostart", default_value="true", choices=["true", "false"], description="false: wait for the lifecycle services."
+        ),
         DeclareLaunchArgument("bus_file", default_value="config/hardware/vision60_can.toml", description="Joints to drives."),
         DeclareLaunchArgument("core", default_value="-1", description="Processor of the control thread; -1: any."),
         DeclareLaunchArgument(
@@ -28,7 +31,7 @@ def generate_launch_description():
     ]
     value = LaunchConfiguration
     namespace = value("namespace")
-    robot = {"robot": value("robot")}
+    robot = {"robot": value("robot"), "autostart": ParameterValue(value("autostart"), value_type=bool)}
     hardware = {
         "backend": "can",
         "bus_file": value("bus_file"),

@@ -4,12 +4,16 @@ from launch import LaunchDescription
 from launch.actions import DeclareLaunchArgument
 from launch.substitutions import LaunchConfiguration
 from launch_ros.actions import Node
+from launch_ros.parameter_descriptions import ParameterValue
 
 
 def generate_launch_description():
     arguments = [
         DeclareLaunchArgument("namespace", default_value="", description="Namespace of the three nodes."),
         DeclareLaunchArgument("robot", default_value="config/robots/vision60", description="Folder of the robot."),
+        DeclareLaunchArgument(
+            "autostart", default_value="true", choices=["true", "false"], description="false: wait for the lifecycle services."
+        ),
         DeclareLaunchArgument(
             "mode", default_value="realtime", choices=["realtime", "lockstep"], description="Wall clock, or step by step."
         ),
@@ -20,7 +24,7 @@ def generate_launch_description():
     ]
     value = LaunchConfiguration
     namespace = value("namespace")
-    robot = {"robot": value("robot")}
+    robot = {"robot": value("robot"), "autostart": ParameterValue(value("autostart"), value_type=bool)}
     mode = {"mode": value("mode")}
     scene = {"terrain": value("terrain"), "initial_posture": value("initial_posture")}
     nodes = [

@@ -187,10 +187,16 @@ messages! { "tandem_msgs";
     GenerateGaitResponse {
         /// The gait is valid.
         success: bool,
-        /// `converged`, `invalid_request`, `busy`, or the solver's own word.
+        /// `converged`, `invalid_request`, `inactive`, `busy`, or the solver's own word.
         status: String,
         /// For people: what was wrong, which constraint binds, the nearest value that would do.
         message: String,
+        /// What stands in the way, by name; empty when `success`.
+        binding_constraints: Vec<String>,
+        /// The fields in which the nearest request that can be planned differs from this one; empty where none was found.
+        nearest_fields: Vec<String>,
+        /// Their values there, in the fields' own units.
+        nearest_values: Vec<f64>,
         /// Name of the gait, which is published on the topic `gait` before the answer.
         gait: String,
         /// Its stamp there.

@@ -34,6 +34,21 @@ def test_the_package_index_knows_every_package(prefix, monkeypatch):
         assert get_package_share_directory(package) == str(prefix / "share" / package)
 
 
+def test_systemd_takes_the_units(prefix, tmp_path):
+    units = []
+    for unit in sorted((ROOT / "config/systemd").glob("*.service")):
+        units.append(tmp_path / unit.name)
+        text = unit.read_text()
+        assert "/opt/tandem/" in text
+        units[-1].write_text(text.replace("/opt/tandem", str(prefix)))
+    assert len(units) == 2
+    try:
+        said = subprocess.run(["systemd-analyze", "verify", "--man=no", *units], capture_output=True, text=True)
+    except FileNotFoundError:
+        pytest.skip("systemd-analyze is not on this machine")
+    assert (said.returncode, said.stderr) == (0, ""), said.stderr
+
+
 def test_the_wrong_arguments_are_refused(tmp_path):
     for arguments in [[], ["--prefix", "x"], [tmp_path / "a", tmp_path / "b"]]:
         result = subprocess.run([ROOT / "launch-scripts/install-ros", *arguments], capture_output=True, text=True)

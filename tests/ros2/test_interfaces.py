@@ -11,9 +11,21 @@ DOCUMENT = ROOT / "docs/interfaces.md"
 NODES = ["planner", "controller", "sim_bridge"]
 # What every node has, said once in the document's text.
 COMMON_TOPICS = {"/rosout", "/parameter_events", "/clock"}
-PARAMETER_SERVICES = re.compile(
-    r"/(describe_parameters|get_parameter_types|get_parameters|list_parameters|set_parameters|set_parameters_atomically)$"
-)
+# Said once as well: below the node's own name.
+COMMON = {
+    ("publisher", "transition_event"): "lifecycle_msgs/msg/TransitionEvent",
+    ("service", "change_state"): "lifecycle_msgs/srv/ChangeState",
+    ("service", "get_state"): "lifecycle_msgs/srv/GetState",
+    ("service", "get_available_states"): "lifecycle_msgs/srv/GetAvailableStates",
+    ("service", "get_available_transitions"): "lifecycle_msgs/srv/GetAvailableTransitions",
+    ("service", "get_transition_graph"): "lifecycle_msgs/srv/GetAvailableTransitions",
+    ("service", "describe_parameters"): "rcl_interfaces/srv/DescribeParameters",
+    ("service", "get_parameter_types"): "rcl_interfaces/srv/GetParameterTypes",
+    ("service", "get_parameters"): "rcl_interfaces/srv/GetParameters",
+    ("service", "list_parameters"): "rcl_interfaces/srv/ListParameters",
+    ("service", "set_parameters"): "rcl_interfaces/srv/SetParameters",
+    ("service", "set_parameters_atomically"): "rcl_interfaces/srv/SetParametersAtomically",
+}
 
 
 @pytest.fixture(scope="module")
@@ -43,6 +55,8 @@ def documented(node):
         if len(cells) == 4 and cells[0] in ("publisher", "subscription", "service", "action"):
             for name in re.findall(r"`([^`]+)`", cells[1]):
                 rows[(cells[0], name if name.startswith("/") else f"/faces/{name}")] = cells[2]
+    rows.update({(kind, f"/faces/{node}/{name}"): type_ for (kind, name), type_ in COMMON.items()})
+    assert all(f"`~/{name}`" in text for _, name in COMMON), "the text names what every node has"
     return rows
 
 
@@ -56,8 +70,7 @@ def actual(client, node):
         if name not in COMMON_TOPICS and name != "/ros_discovery_info":
             rows[("subscription", name)] = types[0]
     for name, types in client.node.get_service_names_and_types_by_node(node, "/faces"):
-        if not PARAMETER_SERVICES.search(name):
-            rows[("service", name)] = types[0]
+        rows[("service", name)] = types[0]
     folded = {}
     for (kind, name), type_ in rows.items():
         action, _, rest = name.partition("/_action/")
@@ -89,11 +102,8 @@ def parameter_table(client, node):
         return future.result()
 
     names = sorted(set(result(parameters.list_parameters()).result.names) - {"use_sim_time"})
-    # A few at a time, as `ros2 param get` and `describe` do: an answer longer than a datagram does not arrive
-    # (docs/troubleshooting.md).
-    groups = [names[k : k + 8] for k in range(0, len(names), 8)]
-    values = [value for group in groups for value in result(parameters.get_parameters(group)).values]
-    descriptors = [result(parameters.describe_parameters([name])).descriptors[0] for name in names]
+    values = result(parameters.get_parameters(names)).values
+    descriptors = result(parameters.describe_parameters(names)).descriptors
     types = {v: k.removeprefix("PARAMETER_").lower() for k, v in vars(ParameterType).items() if k.startswith("PARAMETER_")}
     lines = ["| parameter | type | default | range | set | |", "|---|---|---|---|---|---|"]
     for name, value, descriptor in zip(names, values, descriptors, strict=True):

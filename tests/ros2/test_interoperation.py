@@ -269,6 +269,17 @@ def test_a_killed_subscriber_does_not_stop_the_publisher(client, exercise, proce
     assert received == list(range(200))
 
 
+def test_a_signal_that_comes_twice_at_once_is_one_wish(processes):
+    """A terminal tells the whole process group, and a launch system tells its nodes once more."""
+    import signal
+
+    process = processes("tandem_controller", "--ros-args", "-r", "__ns:=/twice")
+    wait_until(lambda: "disarmed" in process.text(), 20, "it is up")
+    process.process.send_signal(signal.SIGINT)
+    time.sleep(0.05)
+    assert process.stop() == 0, process.text()
+
+
 @pytest.mark.parametrize("name", ["SIGINT", "SIGTERM"])
 def test_a_signal_ends_a_node_at_once_and_others_see_it_leave(client, processes, name):
     import signal

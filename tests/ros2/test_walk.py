@@ -36,7 +36,7 @@ def seconds(stamp):
 class Robot:
     """The three nodes in a namespace, and what is heard of them."""
 
-    def __init__(self, processes, ros, namespace, planner=True, parameters=()):
+    def __init__(self, processes, ros, namespace, planner=True, parameters=(), controller=(), mode="lockstep"):
         import rclpy
         from nav_msgs.msg import Odometry
         from sensor_msgs.msg import JointState
@@ -47,11 +47,12 @@ class Robot:
         self.nodes = []
         if planner:
             self.nodes.append(processes("tandem_planner", *remap))
-        self.nodes.append(processes("tandem_controller", *remap, "-p", "mode:=lockstep"))
-        self.nodes.append(
-            processes("tandem_sim_bridge", *remap, "-p", "mode:=lockstep", "-p", "start_paused:=true",
-                      "-p", "lockstep_timeout_s:=60.0", *[part for p in parameters for part in ("-p", p)])
-        )
+        set_ = lambda values: [part for value in values for part in ("-p", value)]
+        self.nodes.append(processes("tandem_controller", *remap, *set_([f"mode:={mode}", *controller])))
+        if namespace:
+            remap += ["-r", f"/clock:={namespace}/clock"]  # one time for each simulation
+        bridge = [f"mode:={mode}", "start_paused:=true", "lockstep_timeout_s:=60.0", *parameters]
+        self.nodes.append(processes("tandem_sim_bridge", *remap, *set_(bridge)))
         self.client = Client("tester" + namespace.replace("/", "_"))
         self.odometry, self.torques, self.states, self.gaits = [], [], [], []
         node = self.client.node

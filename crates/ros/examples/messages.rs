@@ -8,9 +8,10 @@ use std::io::{BufRead, Read, Write};
 
 use byteorder::LittleEndian;
 use tandem_msgs::{
-    ClearFault, ControllerState, Field, Gait, GenerateGait, JointCommand, LoadGait, Message, Service, SolverReport,
-    StartRecording, StopRecording, action_msgs, builtin_interfaces, diagnostic_msgs, geometry_msgs, lifecycle_msgs,
-    nav_msgs, rcl_interfaces, rosgraph_msgs, sensor_msgs, std_msgs, std_srvs, unique_identifier_msgs,
+    Action, ClearFault, ControlCycle, ControllerState, Field, Gait, GenerateGait, GenerateGaitAction, JointCommand,
+    LoadGait, Message, Service, SolverReport, StartRecording, StopRecording, action_msgs, builtin_interfaces,
+    diagnostic_msgs, geometry_msgs, lifecycle_msgs, nav_msgs, rcl_interfaces, rosgraph_msgs, sensor_msgs, std_msgs,
+    std_srvs, unique_identifier_msgs, visualization_msgs,
 };
 
 /// Decodes and encodes again.
@@ -52,6 +53,7 @@ fn types() -> Vec<(String, Vec<Field>, Again)> {
         std_msgs::Bool,
         std_msgs::String,
         std_msgs::Float64,
+        std_msgs::ColorRGBA,
         geometry_msgs::Vector3,
         geometry_msgs::Point,
         geometry_msgs::Quaternion,
@@ -66,6 +68,7 @@ fn types() -> Vec<(String, Vec<Field>, Again)> {
         geometry_msgs::TransformStamped,
         sensor_msgs::JointState,
         sensor_msgs::Imu,
+        sensor_msgs::CompressedImage,
         nav_msgs::Odometry,
         rosgraph_msgs::Clock,
         diagnostic_msgs::DiagnosticArray,
@@ -77,6 +80,15 @@ fn types() -> Vec<(String, Vec<Field>, Again)> {
         rcl_interfaces::Parameter,
         rcl_interfaces::ParameterDescriptor,
         rcl_interfaces::ParameterEvent,
+        rcl_interfaces::FloatingPointRange,
+        rcl_interfaces::IntegerRange,
+        rcl_interfaces::SetParametersResult,
+        rcl_interfaces::ListParametersResult,
+        visualization_msgs::UVCoordinate,
+        visualization_msgs::MeshFile,
+        visualization_msgs::Marker,
+        visualization_msgs::MarkerArray,
+        ControlCycle,
         lifecycle_msgs::State,
         lifecycle_msgs::Transition,
         lifecycle_msgs::TransitionDescription,
@@ -108,6 +120,14 @@ fn types() -> Vec<(String, Vec<Field>, Again)> {
         StopRecording,
         ClearFault,
     );
+    macro_rules! action {
+        ($action:ty: $($part:ident),*) => { $( {
+            type Part = <$action as Action>::$part;
+            let name = format!("{}/action/{}.{}", <$action>::PACKAGE, <$action>::NAME, stringify!($part));
+            types.push((name, Part::fields(), again::<Part>));
+        } )* };
+    }
+    action!(GenerateGaitAction: Goal, Result, Feedback);
     types
 }
 

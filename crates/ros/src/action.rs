@@ -20,6 +20,9 @@ use crate::Wire;
 
 /// How often the dispatcher looks for requests. A goal takes longer than this by far.
 const TICK: Duration = Duration::from_millis(10);
+/// How far feedback goes ahead of the result: rclpy's client forgets a goal's feedback callback with the goal's result, and what it
+/// receives together it does not handle in order.
+const FEEDBACK_LEAD: Duration = Duration::from_millis(30);
 /// How long a result is kept for clients that ask late, as in ROS 2's own servers.
 const RESULT_LIFETIME: Duration = Duration::from_secs(900);
 
@@ -68,13 +71,18 @@ struct Running<A: Action> {
     id: GoalId,
     job: JoinHandle<(GoalEnd, A::Result)>,
     feedback: std::sync::mpsc::Receiver<A::Feedback>,
+    fed: Option<Instant>,
 }
+
+/// Says why no goal is accepted at present.
+type Accept = Box<dyn Fn() -> Result<(), String> + Send>;
 
 /// The one dispatcher of an action's goals, cancels and results.
 pub(crate) struct Dispatcher<A: Action, H> {
     name: String,
     server: Endpoint<A>,
     waiting_limit: usize,
+    accept: Accept,
     handler: Arc<Mutex<H>>,
     goals: BTreeMap<GoalId, Tracked<A::Result>>,
     waiting: VecDeque<(GoalId, A::Goal)>,
@@ -104,11 +112,12 @@ where
     A::Result: Default,
     H: FnMut(A::Goal, &Goal<A>) -> (GoalEnd, A::Result) + Send + 'static,
 {
-    pub(crate) fn new(name: String, server: Endpoint<A>, waiting_limit: usize, handler: H) -> Self {
+    pub(crate) fn new(name: String, server: Endpoint<A>, waiting_limit: usize, accept: Accept, handler: H) -> Self {
         Dispatcher {
             name,
             server,
             waiting_limit,
+            accept,
             handler: Arc::new(Mutex::new(handler)),
             goals: BTreeMap::new(),
             waiting: VecDeque::new(),
@@ -148,14 +157,20 @@ where
                     continue;
                 }
             };
-            let busy = self.running.is_some() && self.waiting.len() >= self.waiting_limit;
-            let accepted = !busy && !self.goals.contains_key(&request.goal_id);
+            let refusal = if self.running.is_some() && self.waiting.len() >= self.waiting_limit {
+                Some(format!("{} others wait", self.waiting.len()))
+            } else if self.goals.contains_key(&request.goal_id) {
+                Some("its id has been used".to_string())
+            } else {
+                (self.accept)().err()
+            };
+            let accepted = refusal.is_none();
             let stamp = now();
             if let Err(error) = self.server.send_goal_response(request_id, SendGoalResponse { accepted, stamp }) {
                 self.warn("a goal could not be answered", &error);
             }
-            if !accepted {
-                tracing::warn!("action {}: a goal is rejected: {} others wait", self.name, self.waiting.len());
+            if let Some(refusal) = refusal {
+                tracing::warn!("action {}: a goal is rejected: {refusal}", self.name);
                 continue;
             }
             self.goals.insert(
@@ -271,10 +286,11 @@ where
     }
 
     fn pass_feedback(&mut self) {
-        let Some(running) = &self.running else { return };
+        let Some(running) = &mut self.running else { return };
         for feedback in running.feedback.try_iter() {
+            running.fed = Some(Instant::now());
             if let Err(error) = self.server.send_feedback(running.id, Wire(feedback)) {
-                self.warn("feedback could not be sent", &error.forget_data());
+                tracing::warn!("action {}: feedback could not be sent: {}", self.name, error.forget_data());
             }
         }
     }
@@ -283,6 +299,9 @@ where
         // What the handler said last comes before its result.
         self.pass_feedback();
         let Some(running) = self.running.take() else { return };
+        if let Some(fed) = running.fed {
+            tokio::time::sleep(FEEDBACK_LEAD.saturating_sub(fed.elapsed())).await;
+        }
         let (end, result) = match running.job.await {
             Ok(ended) => ended,
             Err(error) => {
@@ -321,7 +340,7 @@ where
             let mut handler = handler.lock().unwrap_or_else(PoisonError::into_inner);
             (*handler)(request, &goal)
         });
-        self.running = Some(Running { id, job, feedback });
+        self.running = Some(Running { id, job, feedback, fed: None });
         self.publish_status();
     }
 

@@ -3,7 +3,7 @@
 use std::path::{Path, PathBuf};
 
 use crate::RosError;
-use crate::names::{Remap, RemapKind, check_node_name, full_namespace};
+use crate::names::{Remap, RemapKind, check_node_name, expand, full_namespace};
 use crate::parameters::{ParameterValue, overrides_from_yaml};
 
 /// How far a node looks for others (`ROS_AUTOMATIC_DISCOVERY_RANGE`).
@@ -230,9 +230,15 @@ fn remap(text: &str) -> Result<Remap, RosError> {
     if from.is_empty() || to.is_empty() {
         return Err(wrong("expected FROM:=TO, both sides present"));
     }
+    // Whatever the node, both sides must be names. (Only names in programs have substitutions in braces.)
+    let check = |name: &str| match expand(name, "/", "node") {
+        _ if name.contains('{') => Err(wrong("braces are not allowed here")),
+        Ok(_) => Ok(name.to_string()),
+        Err(error) => Err(wrong(&error.to_string())),
+    };
     for (scheme, is_topic) in [("rostopic://", true), ("rosservice://", false)] {
         if let Some(from) = from.strip_prefix(scheme) {
-            let (from, to) = (from.to_string(), to.to_string());
+            let (from, to) = (check(from)?, check(to)?);
             return Ok(Remap {
                 node: None,
                 kind: if is_topic { RemapKind::Topic { from, to } } else { RemapKind::Service { from, to } },
@@ -252,10 +258,13 @@ fn remap(text: &str) -> Result<Remap, RosError> {
             RemapKind::NodeName(to.to_string())
         }
         "__ns" => {
+            if !to.starts_with('/') {
+                return Err(wrong("a namespace must begin with a slash"));
+            }
             full_namespace(to).map_err(|error| wrong(&error.to_string()))?;
             RemapKind::Namespace(to.to_string())
         }
-        _ => RemapKind::TopicOrService { from: from.to_string(), to: to.to_string() },
+        _ => RemapKind::TopicOrService { from: check(from)?, to: check(to)? },
     };
     Ok(Remap { node, kind })
 }

@@ -33,6 +33,22 @@ pub(crate) fn check_node_name(name: &str) -> Result<(), RosError> {
     Ok(())
 }
 
+/// What [`check_prefix`] allows, for people.
+pub const PREFIX_RULE: &str = "letters, digits, underscores and slashes";
+
+/// Whether a text can stand before names of joints or frames.
+///
+/// # Errors
+/// One sentence for people.
+#[allow(clippy::ptr_arg)] // a parameter's validator gets what the parameter holds
+pub fn check_prefix(prefix: &String) -> Result<(), String> {
+    if prefix.chars().all(|c| c.is_ascii_alphanumeric() || c == '_' || c == '/') {
+        Ok(())
+    } else {
+        Err(format!("expected {PREFIX_RULE}, got {prefix:?}"))
+    }
+}
+
 /// A namespace in its full form: `/` or `/a/b`. ROS 2 puts a missing first slash itself.
 pub(crate) fn full_namespace(namespace: &str) -> Result<String, RosError> {
     let trimmed = namespace.strip_prefix('/').unwrap_or(namespace);

@@ -39,6 +39,9 @@ const FAREWELL: Duration = Duration::from_millis(150);
 /// unseen there for good. Without the wait a node that started beside a running rclpy was lost in 15 of 30 starts on a busy machine, with 0.3 s in none of 60.
 const INTRODUCTION: Duration = Duration::from_millis(500);
 
+/// Signals within this time are one wish to end.
+const SAME_WISH: Duration = Duration::from_secs(1);
+
 /// Requests kept by the middleware for a server: more than the requests of a burst, so that none is overwritten.
 const SERVICE_DEPTH: usize = 128;
 
@@ -142,8 +145,8 @@ pub struct Node {
 
 impl Node {
     /// Starts a node with a default name and the namespace `/`; the command line may change both.
-    /// Also installs the log subscriber (standard error and `/rosout`), the handlers of SIGINT and SIGTERM (a second one ends
-    /// the process at once), the parameter services and, with `use_sim_time`, the clock.
+    /// Also installs the log subscriber (standard error and `/rosout`), the handlers of SIGINT and SIGTERM (a second one, a second
+    /// later or more, ends the process at once), the parameter services and, with `use_sim_time`, the clock.
     ///
     /// # Errors
     /// Wrong names or parameters, or when the middleware cannot start (no network interface, no free port).
@@ -368,8 +371,8 @@ impl Node {
         Ok(())
     }
 
-    /// A service. `handler` runs on a thread of its own kind and may take its time; requests are answered one after the other,
-    /// in the order of their arrival, none is lost.
+    /// A service. `handler` runs on a thread where it may take its time; requests are answered one after the other, in the
+    /// order of their arrival, none is lost.
     ///
     /// # Errors
     /// A wrong name, or the middleware's reason.
@@ -378,10 +381,15 @@ impl Node {
         service: &str,
         handler: impl FnMut(S::Request) -> S::Response + Send + 'static,
     ) -> Result<(), RosError> {
-        self.serve_with::<S>(service, ServeOptions::default(), handler)
+        let handler = Mutex::new(handler);
+        self.serve_with::<S>(service, ServeOptions::default(), move |request| {
+            // A handler that panicked once may be called again: it owns its consistency.
+            let mut handler = handler.lock().unwrap_or_else(PoisonError::into_inner);
+            (*handler)(request)
+        })
     }
 
-    /// As [`Node::serve`], with a bound on the requests that wait.
+    /// As [`Node::serve`], with a bound on the requests that wait, and several answered at once.
     ///
     /// # Errors
     /// A wrong name, or the middleware's reason.
@@ -389,7 +397,7 @@ impl Node {
         &self,
         service: &str,
         options: ServeOptions<S>,
-        handler: impl FnMut(S::Request) -> S::Response + Send + 'static,
+        handler: impl Fn(S::Request) -> S::Response + Send + Sync + 'static,
     ) -> Result<(), RosError> {
         let full = self.core.full_name(service, Subject::Service)?;
         let name = dds_name(&full)?;
@@ -412,7 +420,7 @@ impl Node {
     }
 
     /// An action. One goal runs at a time, on a thread where it may take its time; `waiting` goals may wait behind it, more are
-    /// rejected. The handler looks at [`Goal::is_cancelled`] and ends with [`GoalEnd::Cancelled`] when it is.
+    /// rejected, and all while `accept` gives a reason to. The handler looks at [`Goal::is_cancelled`] and ends with [`GoalEnd::Cancelled`] when it is.
     ///
     /// # Errors
     /// A wrong name, or the middleware's reason.
@@ -420,6 +428,7 @@ impl Node {
         &self,
         action: &str,
         waiting: usize,
+        accept: impl Fn() -> Result<(), String> + Send + 'static,
         handler: impl FnMut(A::Goal, &Goal<A>) -> (GoalEnd, A::Result) + Send + 'static,
     ) -> Result<(), RosError>
     where
@@ -447,7 +456,7 @@ impl Node {
             })
             .ok_or_else(|| self.shut_down(&full))?
             .map_err(|error| RosError::Create { what: format!("action {full}"), reason: error.to_string() })?;
-        self.spawn(Dispatcher::<A, _>::new(full, server, waiting, handler).run());
+        self.spawn(Dispatcher::<A, _>::new(full, server, waiting, Box::new(accept), handler).run());
         Ok(())
     }
 
@@ -509,6 +518,23 @@ impl Node {
         }
     }
 
+    /// The same node once more, for endpoints and tasks that come and go while the node stays: they are gone when the part is
+    /// dropped (or [shut down](Node::shutdown)), and at the latest with the node itself. Parameters, name, clock and
+    /// [`Node::stop`] are the whole node's.
+    #[must_use]
+    pub fn part(&self) -> Node {
+        Node {
+            core: Arc::clone(&self.core),
+            store: Arc::clone(&self.store),
+            runtime: None,
+            spinner: None,
+            tasks: Mutex::default(),
+            closers: Mutex::default(),
+            stop: self.stop.clone(),
+            simulated: self.simulated.clone(),
+        }
+    }
+
     /// The handle that asks for the end, to be given to other threads.
     #[must_use]
     pub fn stop(&self) -> Stop {
@@ -535,8 +561,12 @@ impl Node {
 
     /// Waits for SIGINT, SIGTERM or [`Stop::request`], then shuts down.
     pub fn run(self) {
-        self.core.handle.block_on(self.stop.requested());
+        self.wait_for_stop();
         self.shutdown();
+    }
+
+    pub(crate) fn wait_for_stop(&self) {
+        self.core.handle.block_on(self.stop.requested());
     }
 
     /// Ends the node so that others see it leave at once: publishers and clients first, then the node, its spinner and the
@@ -547,7 +577,7 @@ impl Node {
 
     fn end(&mut self) {
         let Some(runtime) = self.runtime.take() else {
-            return;
+            return self.end_part();
         };
         self.stop.request();
         let mut tasks: Vec<_> = std::mem::take(&mut *self.tasks.lock().unwrap_or_else(PoisonError::into_inner));
@@ -579,6 +609,21 @@ impl Node {
         runtime.shutdown_timeout(deadline.saturating_duration_since(Instant::now()));
     }
 
+    /// Takes a part's endpoints away. Waits without the runtime: the last holder of a part may be one of the runtime's own tasks.
+    fn end_part(&mut self) {
+        let tasks = std::mem::take(&mut *self.tasks.lock().unwrap_or_else(PoisonError::into_inner));
+        for task in &tasks {
+            task.abort();
+        }
+        for close in std::mem::take(&mut *self.closers.lock().unwrap_or_else(PoisonError::into_inner)) {
+            close();
+        }
+        let deadline = Instant::now() + SHUTDOWN_PATIENCE;
+        while !tasks.iter().all(JoinHandle::is_finished) && Instant::now() < deadline {
+            std::thread::sleep(Duration::from_millis(1));
+        }
+    }
+
     fn shut_down(&self, what: &str) -> RosError {
         RosError::ShutDown { what: what.to_string() }
     }
@@ -602,7 +647,7 @@ impl Node {
         let mut terminate = listen(SignalKind::terminate())?;
         let mut goes_on = listen(SignalKind::from_raw(libc::SIGCONT))?;
         let stop = self.stop.clone();
-        let asked = Arc::new(AtomicBool::new(false));
+        let mut asked: Option<Instant> = None;
         // Not one of the tasks that the end aborts: a second signal must work while the node shuts down.
         self.core.handle.spawn(async move {
             loop {
@@ -618,9 +663,12 @@ impl Node {
                         continue;
                     }
                 }
-                if asked.swap(true, Ordering::SeqCst) {
+                match asked {
+                    None => asked = Some(Instant::now()),
+                    // The same wish twice: a terminal tells the whole group, and a launch system tells its nodes once more.
+                    Some(first) if first.elapsed() < SAME_WISH => {}
                     // The shell's number for a process ended by SIGINT.
-                    std::process::exit(130);
+                    Some(_) => std::process::exit(130),
                 }
                 stop.request();
             }

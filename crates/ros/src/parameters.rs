@@ -443,7 +443,8 @@ impl Store {
     }
 }
 
-/// A declared parameter. Reading it takes a lock: not for a control thread.
+/// A declared parameter. Reading it takes a lock: not for a control thread. Clones are the same parameter.
+#[derive(Clone)]
 pub struct Parameter<T> {
     store: Arc<Store>,
     name: String,

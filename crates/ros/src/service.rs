@@ -1,12 +1,12 @@
 //! Servers of services.
 
 use std::collections::VecDeque;
-use std::sync::{Arc, Mutex, PoisonError};
+use std::sync::Arc;
 
 use futures::StreamExt;
+use futures::stream::FuturesUnordered;
 use ros2_client::RmwRequestId;
 use tandem_msgs::Service;
-use tokio::task::JoinHandle;
 
 use crate::Wire;
 
@@ -15,58 +15,56 @@ type Refuse<S> = Box<dyn Fn(&<S as Service>::Request) -> <S as Service>::Respons
 /// How a service deals with requests that wait.
 pub struct ServeOptions<S: Service> {
     waiting: usize,
+    parallel: usize,
     refuse: Option<Refuse<S>>,
 }
 
 impl<S: Service> Default for ServeOptions<S> {
     /// Every request waits for its turn.
     fn default() -> Self {
-        ServeOptions { waiting: usize::MAX, refuse: None }
+        ServeOptions { waiting: usize::MAX, parallel: 1, refuse: None }
     }
 }
 
 impl<S: Service> ServeOptions<S> {
-    /// At most `waiting` requests wait behind the one that is being answered; `refuse` answers those beyond.
+    /// At most `waiting` requests wait behind those that are being answered; `refuse` answers the ones beyond.
     pub fn bounded(waiting: usize, refuse: impl Fn(&S::Request) -> S::Response + Send + Sync + 'static) -> Self {
-        ServeOptions { waiting, refuse: Some(Box::new(refuse)) }
+        ServeOptions { waiting, refuse: Some(Box::new(refuse)), ..ServeOptions::default() }
+    }
+
+    /// So many requests, at least one, are answered at the same time, each on a thread of its own.
+    #[must_use]
+    pub fn parallel(mut self, parallel: usize) -> Self {
+        self.parallel = parallel.max(1);
+        self
     }
 }
 
 type Endpoint<S> = ros2_client::Server<Wire<<S as Service>::Request>, Wire<<S as Service>::Response>>;
 
-/// Receives at all times, so that the middleware's own short queue never overflows, and answers one after the other.
+/// Receives at all times, so that the middleware's own short queue never overflows, and answers as many at once as the options say.
 pub(crate) async fn serve<S: Service>(
     service: String,
     server: Endpoint<S>,
     options: ServeOptions<S>,
-    handler: impl FnMut(S::Request) -> S::Response + Send + 'static,
+    handler: impl Fn(S::Request) -> S::Response + Send + Sync + 'static,
 ) {
-    let handler = Arc::new(Mutex::new(handler));
+    let handler = Arc::new(handler);
     let mut requests = server.receive_request_stream();
     let mut waiting: VecDeque<(RmwRequestId, S::Request)> = VecDeque::new();
-    let mut running: Option<(RmwRequestId, JoinHandle<S::Response>)> = None;
+    let mut running = FuturesUnordered::new();
     loop {
-        if running.is_none()
+        while running.len() < options.parallel
             && let Some((id, request)) = waiting.pop_front()
         {
             let handler = Arc::clone(&handler);
-            let job = tokio::task::spawn_blocking(move || {
-                // A handler that panicked once may be called again: it owns its consistency.
-                let mut handler = handler.lock().unwrap_or_else(PoisonError::into_inner);
-                (*handler)(request)
-            });
-            running = Some((id, job));
+            let job = tokio::task::spawn_blocking(move || (*handler)(request));
+            running.push(async move { (id, job.await) });
         }
-        let finished = async {
-            match running.as_mut() {
-                Some((_, job)) => job.await,
-                None => std::future::pending().await,
-            }
-        };
         tokio::select! {
             received = requests.next() => match received {
                 Some(Ok((id, Wire(request)))) => match &options.refuse {
-                    Some(refuse) if running.is_some() && waiting.len() >= options.waiting => {
+                    Some(refuse) if running.len() >= options.parallel && waiting.len() >= options.waiting => {
                         respond::<S>(&service, &server, id, refuse(&request)).await;
                     }
                     _ => waiting.push_back((id, request)),
@@ -74,16 +72,12 @@ pub(crate) async fn serve<S: Service>(
                 Some(Err(error)) => tracing::warn!("service {service}: a request could not be read: {error}"),
                 None => return,
             },
-            outcome = finished => {
-                if let Some((id, _)) = running.take() {
-                    match outcome {
-                        Ok(response) => respond::<S>(&service, &server, id, response).await,
-                        Err(error) => {
-                            tracing::error!("service {service}: the handler failed, the caller gets no response: {error}");
-                        }
-                    }
+            Some((id, outcome)) = running.next() => match outcome {
+                Ok(response) => respond::<S>(&service, &server, id, response).await,
+                Err(error) => {
+                    tracing::error!("service {service}: the handler failed, the caller gets no response: {error}");
                 }
-            }
+            },
         }
     }
 }

@@ -27,6 +27,8 @@ pub struct Parameters {
     pub bus_file: Option<PathBuf>,
     /// The robot's folder.
     pub robot_folder: PathBuf,
+    /// What stands before every joint's name on topics.
+    pub joint_prefix: String,
     /// What the control thread asks of the system.
     pub realtime: RealtimeRequest,
     /// Control period.
@@ -113,6 +115,13 @@ impl Parameters {
             .description(
                 "Folder of the robot's description; looked for from the working folder, then above the program.",
             )
+            .read_only()
+            .declare()?
+            .get();
+        let joint_prefix = node
+            .parameter("joint_prefix", String::new())
+            .description("Stands before every joint's name on topics, to tell the joints of several robots apart, such as left_.")
+            .validate(ros::PREFIX_RULE, ros::check_prefix)
             .read_only()
             .declare()?
             .get();
@@ -211,6 +220,7 @@ impl Parameters {
             clock: if clock == "monotonic" { CycleClock::Monotonic } else { CycleClock::JointStates },
             bus_file: on_bus.then(|| bus_file.into()),
             robot_folder: robot_folder.into(),
+            joint_prefix,
             realtime: RealtimeRequest {
                 priority: u8::try_from(priority).ok().filter(|p| *p > 0),
                 core: usize::try_from(core).ok(),

@@ -59,9 +59,10 @@ pub struct Timing {
     pub compute: [Duration; 3],
 }
 
-/// The emergency stop's level. Pressed by the service, by the topic, or by the topic's silence.
+/// The emergency stop's level. Pressed by the service, by the topic, by the topic's silence, or because the node is not active.
 #[derive(Debug, Default)]
 pub struct EmergencyStop {
+    inactive: AtomicBool,
     service: AtomicBool,
     topic: AtomicBool,
     /// Monotonic time of the last message on the topic, ns.
@@ -74,6 +75,16 @@ impl EmergencyStop {
     /// Released. With a heartbeat, pressed until the topic is heard.
     pub fn new(heartbeat: Option<Duration>) -> Self {
         Self { heartbeat_ns: heartbeat.map_or(0, |d| d.as_nanos() as u64), ..Self::default() }
+    }
+
+    /// The node became active, or is no longer.
+    pub fn set_active(&self, active: bool) {
+        self.inactive.store(!active, Ordering::Release);
+    }
+
+    /// Whether the node is active.
+    pub fn is_active(&self) -> bool {
+        !self.inactive.load(Ordering::Acquire)
     }
 
     /// The service was called.
@@ -92,7 +103,7 @@ impl EmergencyStop {
             let heard = self.heard_ns.load(Ordering::Acquire);
             heard == 0 || (wall.as_nanos() as u64).saturating_sub(heard) > self.heartbeat_ns
         };
-        self.service.load(Ordering::Acquire) || self.topic.load(Ordering::Acquire) || silent
+        !self.is_active() || self.service.load(Ordering::Acquire) || self.topic.load(Ordering::Acquire) || silent
     }
 }
 
@@ -303,6 +314,10 @@ mod tests {
         assert!(stop.is_pressed(wall));
         stop.set_by_topic(false, wall);
         assert!(!stop.is_pressed(wall + Duration::from_secs(1000)));
+        stop.set_active(false);
+        assert!(stop.is_pressed(wall));
+        stop.set_active(true);
+        assert!(!stop.is_pressed(wall));
 
         let stop = EmergencyStop::new(Some(Duration::from_millis(500)));
         assert!(stop.is_pressed(wall), "not heard yet");

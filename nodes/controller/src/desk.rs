@@ -4,7 +4,7 @@ use crate::cycle::{Asked, EmergencyStop, TimedTilt};
 use crate::dds_bus::{self, StateMessage};
 use crate::ports;
 use crate::tape::{self, Recording};
-use control::{Config, Fault, Mode, PreparedGait, Refusal, Request};
+use control::{Config, Fault, JOINTS, Mode, PreparedGait, Refusal, Request};
 use gait::Gait;
 use realtime::monotonic_now;
 use ros::{Node, Qos, RosError};
@@ -13,7 +13,7 @@ use std::collections::HashMap;
 use std::sync::mpsc::{RecvTimeoutError, Sender, channel};
 use std::sync::{Arc, Mutex, PoisonError};
 use std::thread::Thread;
-use std::time::Duration;
+use std::time::{Duration, Instant};
 use tandem_msgs::std_srvs::{SetBool, SetBoolResponse, Trigger, TriggerResponse};
 use tandem_msgs::{
     ClearFault, ClearFaultResponse, LoadGait, LoadGaitResponse, StartRecording, StartRecordingResponse, StopRecording,
@@ -34,12 +34,16 @@ pub struct Desk {
     emergency_stop: Arc<EmergencyStop>,
     config: Config,
     lockstep: bool,
+    /// The controller's mode as last said.
+    mode: Mutex<Option<Mode>>,
 }
 
 /// The middleware's side of the buffers for measurements.
 pub struct Sensors {
     /// Joint states to the cycle; none where it reads the drives itself.
     pub states: Option<Producer<StateMessage>>,
+    /// The joints' names on topics.
+    pub joint_names: [String; JOINTS],
     /// Attitudes to the cycle.
     pub tilts: Producer<TimedTilt>,
     /// In lockstep: the cycle's thread, to be woken by a state.
@@ -69,6 +73,36 @@ impl Desk {
             emergency_stop,
             config,
             lockstep,
+            mode: Mutex::default(),
+        }
+    }
+
+    /// The cycle has said in which mode it is.
+    pub fn set_mode(&self, mode: Mode) {
+        *lock(&self.mode) = Some(mode);
+    }
+
+    /// Waits for a mode; false: it did not come in time, or `hurried`.
+    pub fn wait_for_mode(&self, patience: Duration, hurried: impl Fn() -> bool, wanted: impl Fn(Mode) -> bool) -> bool {
+        let deadline = Instant::now() + patience;
+        while !lock(&self.mode).is_some_and(&wanted) {
+            if Instant::now() >= deadline || hurried() {
+                return false;
+            }
+            std::thread::sleep(Duration::from_millis(2));
+        }
+        true
+    }
+
+    /// Where the robot walks: stops it at the next switch and waits until it stands.
+    pub fn bring_to_rest(&self, patience: Duration, hurried: impl Fn() -> bool) {
+        let moves = |mode| matches!(mode, Mode::Starting | Mode::Walking | Mode::Stopping);
+        if !lock(&self.mode).is_some_and(moves) {
+            return;
+        }
+        let (granted, said) = self.put(Request::Stop);
+        if !granted || !self.wait_for_mode(patience, hurried, |mode| !moves(mode)) {
+            tracing::warn!("the walk did not come to rest within {patience:?} ({said}): damping");
         }
     }
 
@@ -81,8 +115,16 @@ impl Desk {
         }
     }
 
-    /// Asks the cycle and waits for its reply: whether it was granted, and a sentence for people.
+    /// Asks the cycle and waits for its reply: whether it was granted, and a sentence for people. While the node is not active
+    /// only the drives may be switched off.
     pub fn ask(&self, request: Request) -> (bool, String) {
+        if !self.emergency_stop.is_active() && request != Request::Disarm {
+            return (false, "the controller is not active: activate it (its service change_state)".into());
+        }
+        self.put(request)
+    }
+
+    fn put(&self, request: Request) -> (bool, String) {
         let (sender, receiver) = channel();
         {
             let mut asked = lock(&self.asked);
@@ -121,7 +163,7 @@ impl Desk {
     /// Creates the node's subscriptions and services.
     pub fn open(self: &Arc<Self>, node: &Node, mut sensors: Sensors, fast: Qos) -> Result<(), RosError> {
         if let Some(states) = sensors.states.take() {
-            dds_bus::listen(node, self.config.joint_names.clone(), states, sensors.wake.take(), fast)?;
+            dds_bus::listen(node, sensors.joint_names.clone(), states, sensors.wake.take(), fast)?;
         }
         let recording = Arc::clone(&self.recording);
         // What the controller takes from it, the tilt, is recorded with every cycle.

@@ -9,6 +9,8 @@
 //! - the **tape** ([`tape`]): the thread that records every cycle into a bag, where that is asked for;
 //! - the **press** ([`press`]): a thread that publishes what the cycle said.
 //!
+//! Who starts and ends them is [`work`], the node's side of ROS 2's lifecycle.
+//!
 //! The cycle sees the joints as a [`joint_bus::JointBus`], whether they are on CAN or behind topics ([`dds_bus`]).
 //!
 //! [`ports`] is the one place where messages and the controller's own types meet.
@@ -20,3 +22,4 @@ pub mod desk;
 pub mod ports;
 pub mod press;
 pub mod tape;
+pub mod work;

@@ -99,6 +99,7 @@ impl Press {
 
     fn print(&mut self, said: &Said, desk: &Desk) {
         let output = &said.output;
+        desk.set_mode(output.mode);
         for (id, reply) in said.ids.iter().zip(&output.replies) {
             if *id != 0
                 && let Some(reply) = reply

@@ -27,9 +27,11 @@ impl Planner {
 
     /// Plans, or says why not, in the answer's own fields; the gait, where there is one, comes beside it. `progress` sees every iteration of the first solve, with the time
     /// since its start, and may stop it.
+    /// The search for the nearest request goes on while `go_on`.
     pub fn generate(
         &self,
         message: &GenerateGaitRequest,
+        go_on: impl Fn() -> bool,
         mut progress: impl FnMut(&Iteration, Duration) -> ControlFlow<()>,
     ) -> (GenerateGaitResponse, Option<Gait>) {
         let request = match ports::request(message, &self.robot) {
@@ -56,9 +58,9 @@ impl Planner {
                     response.message = format!("no gait within {:?}: {}", self.time_limit, response.message);
                 } else if !stopped
                     && self.find_nearest
-                    && let Some(nearest) = self.nearest(&request)
+                    && let Some(nearest) = self.nearest(&request, go_on)
                 {
-                    response.message += &format!("; the nearest request that can be planned: {nearest}");
+                    ports::add_nearest(&mut response, &nearest);
                 }
                 (response, None)
             }
@@ -82,11 +84,12 @@ impl Planner {
         Ok(plan.gait)
     }
 
-    /// The nearest request that can be planned, in words. The search may take as long as a solve.
-    fn nearest(&self, asked: &GaitRequest) -> Option<String> {
+    /// The nearest request that can be planned. The search may take as long as a solve.
+    fn nearest(&self, asked: &GaitRequest, go_on: impl Fn() -> bool) -> Option<gait_design::Nearest> {
         let start = Instant::now();
-        gait_design::nearest(&self.robot, asked, &PlanOptions::default(), || start.elapsed() < self.time_limit)
-            .map(|nearest| nearest.to_string())
+        gait_design::nearest(&self.robot, asked, &PlanOptions::default(), || {
+            go_on() && start.elapsed() < self.time_limit
+        })
     }
 }
 
@@ -104,7 +107,7 @@ mod tests {
     fn ask(change: impl FnOnce(&mut GenerateGaitRequest)) -> (GenerateGaitResponse, Option<Gait>) {
         let mut message = GenerateGaitRequest { behaviour: "amble".to_string(), ..Default::default() };
         change(&mut message);
-        planner().generate(&message, |_, _| ControlFlow::Continue(()))
+        planner().generate(&message, || true, |_, _| ControlFlow::Continue(()))
     }
 
     #[test]
@@ -128,6 +131,13 @@ mod tests {
             "{}",
             out_of_range.message
         );
+        assert_eq!(out_of_range.binding_constraints, ["speed_m_s"]);
+        assert_eq!(out_of_range.nearest_fields, ["speed_m_s"]);
+        let [speed] = out_of_range.nearest_values[..] else { panic!("{:?}", out_of_range.nearest_values) };
+        assert!(speed > 0.35 && speed < 5.0, "{speed}");
+        let (as_told, gait) = ask(|m| m.speed_m_s = Some(speed).into());
+        assert!(as_told.success && gait.is_some(), "the proposal is planned: {}", as_told.message);
+        assert!(as_told.binding_constraints.is_empty() && as_told.nearest_fields.is_empty());
 
         let (not_a_number, _) = ask(|m| m.height_m = Some(f64::NAN).into());
         assert_eq!(not_a_number.status, ports::INVALID_REQUEST);
@@ -142,10 +152,14 @@ mod tests {
     fn a_caller_can_stop_the_solver() {
         let message = GenerateGaitRequest { behaviour: "amble".to_string(), ..Default::default() };
         let mut seen = 0;
-        let (response, _) = planner().generate(&message, |_, _| {
-            seen += 1;
-            if seen == 2 { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
-        });
+        let (response, _) = planner().generate(
+            &message,
+            || true,
+            |_, _| {
+                seen += 1;
+                if seen == 2 { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
+            },
+        );
         assert!(!response.success);
         assert_eq!((response.status.as_str(), seen), ("cancelled", 2));
     }

@@ -1,6 +1,9 @@
 //! Messages to and from the planner's own types: the one place where the two meet.
 
-use gait_design::{GaitRequest, PlanError, step_duration_from_step_frequency, step_duration_from_stride_frequency};
+use gait_design::{
+    GaitRequest, Nearest, PlanError, RequestError, step_duration_from_step_frequency,
+    step_duration_from_stride_frequency,
+};
 use robot::Robot;
 use tandem_msgs::{Gait, GenerateGaitFeedback, GenerateGaitRequest, GenerateGaitResponse, Optional, SolverReport};
 
@@ -8,6 +11,8 @@ use tandem_msgs::{Gait, GenerateGaitFeedback, GenerateGaitRequest, GenerateGaitR
 pub const INVALID_REQUEST: &str = "invalid_request";
 /// `status` of an answer to a request that came while too many others waited.
 pub const BUSY: &str = "busy";
+/// `status` of an answer to a request that came while the node was not active.
+pub const INACTIVE: &str = "inactive";
 
 /// The complete request: the behaviour's and the robot's own values where the message gives none.
 ///
@@ -84,7 +89,11 @@ pub fn plan_error(error: &PlanError, solve_time_s: f64) -> GenerateGaitResponse 
         PlanError::Robot(_) | PlanError::Problem(_) | PlanError::Settings(_) => "internal_error".to_string(),
     };
     let mut response = failure(&status, error.to_string());
+    if let PlanError::Request(RequestError::OutOfRange { field, .. }) = error {
+        response.binding_constraints = vec![(*field).to_string()];
+    }
     if let PlanError::NotConverged { iterations, worst, log, .. } = error {
+        response.binding_constraints = vec![worst.clone()];
         let last = log.last();
         response.solver = SolverReport {
             status,
@@ -96,6 +105,28 @@ pub fn plan_error(error: &PlanError, solve_time_s: f64) -> GenerateGaitResponse 
         };
     }
     response
+}
+
+/// Puts the nearest request that can be planned into an answer without a gait.
+pub fn add_nearest(response: &mut GenerateGaitResponse, nearest: &Nearest) {
+    response.message += &format!("; the nearest request that can be planned: {nearest}");
+    // A value out of its range is what stands in the way, whatever the gait at the range's end has reached.
+    if response.status != INVALID_REQUEST && !nearest.binding.is_empty() {
+        response.binding_constraints.clone_from(&nearest.binding);
+    }
+    response.nearest_fields = nearest.changed.iter().map(|changed| changed.field.to_string()).collect();
+    response.nearest_values = nearest.changed.iter().map(|changed| changed.works).collect();
+}
+
+/// The last iteration of a solve that found a gait, for those who watch.
+#[must_use]
+pub fn last_feedback(report: &SolverReport) -> GenerateGaitFeedback {
+    GenerateGaitFeedback {
+        iteration: report.iterations,
+        objective: report.objective,
+        max_violation: report.max_violation,
+        elapsed_s: report.solve_time_s,
+    }
 }
 
 /// One iteration of the solver, for those who watch.

@@ -98,10 +98,12 @@ pub struct Bridge {
     config: Config,
     simulator: Simulator,
     joint_names: [String; 12],
+    frames: ports::Frames,
     node_name: String,
     ports: Ports,
     inbox: Arc<Inbox>,
     refused_commands: Arc<AtomicU64>,
+    active: bool,
     paused: bool,
     /// Emulated drives on CAN, in place of `joint_command`.
     bench: Option<DriveBench>,
@@ -113,14 +115,15 @@ pub struct Bridge {
 }
 
 impl Bridge {
-    /// Opens the topics and services and puts the robot down. With `bench` the joints hang on emulated drives, and
+    /// Opens the topics and services and puts the robot down; it publishes and steps once it is activated. With `bench` the joints hang on emulated drives, and
     /// `joint_command` is not listened to.
     ///
     /// # Errors
     /// What the middleware or the simulator refuse.
     pub fn new(node: &Node, config: Config, robot: &Robot, bench: Option<DriveBench>) -> Result<Self, BridgeError> {
         let simulator = Simulator::new(robot, config.simulator.clone())?;
-        let joint_names = robot.joint_names();
+        let joint_names = robot.joint_names().map(|name| format!("{}{name}", config.joint_prefix));
+        let frames = ports::Frames::new(&config.frame_prefix);
         let fast = match config.pace {
             Pace::Realtime => Qos::best_effort(1),
             // Nothing may be lost between two processes that wait for each other.
@@ -185,10 +188,12 @@ impl Bridge {
         }
 
         let mut bridge = Self {
+            active: false,
             paused: config.start_paused,
             config,
             simulator,
             joint_names,
+            frames,
             node_name: node.full_name(),
             ports,
             inbox,
@@ -201,6 +206,11 @@ impl Bridge {
         };
         bridge.put_down();
         Ok(bridge)
+    }
+
+    /// Whether it publishes and steps from the beginning.
+    pub fn set_active(&mut self, active: bool) {
+        self.active = active;
     }
 
     /// The inbox, to close it from the thread that watches for the program's end.
@@ -244,13 +254,13 @@ impl Bridge {
             self.ports.clock.publish(Clock { clock: stamp })?;
         }
         if self.period.is_multiple_of(self.config.imu_every) {
-            self.ports.imu.publish(ports::imu(&state, self.simulator.imu_quaternion_xyzw(), stamp))?;
+            self.ports.imu.publish(ports::imu(&state, self.simulator.imu_quaternion_xyzw(), &self.frames, stamp))?;
         }
         if self.period.is_multiple_of(self.config.odometry_every) {
-            self.ports.odom.publish(ports::odometry(&state, stamp))?;
-            self.ports.tf.publish(ports::transform(&state, stamp))?;
+            self.ports.odom.publish(ports::odometry(&state, &self.frames, stamp))?;
+            self.ports.tf.publish(ports::transform(&state, &self.frames, stamp))?;
             for (port, force) in self.ports.ground_forces.iter().zip(state.toe_force_n) {
-                port.publish(ports::ground_force(force, stamp))?;
+                port.publish(ports::ground_force(force, &self.frames, stamp))?;
             }
         }
         if told {
@@ -281,6 +291,12 @@ impl Bridge {
         let mut served = Served::default();
         while let Some(request) = self.inbox.take_request() {
             let answer = match request.ask {
+                Ask::Activate(active) => {
+                    served.activated |= active && !self.active;
+                    self.active = active;
+                    Ok(if active { "active" } else { "inactive" }.to_owned())
+                }
+                _ if !self.active => Err("the simulation is not active: activate it (its service change_state)".into()),
                 Ask::Pause(paused) => {
                     self.paused = paused;
                     Ok(if paused { "paused" } else { "running" }.to_owned())
@@ -316,13 +332,19 @@ impl Bridge {
     }
 
     fn run_lockstep(&mut self) -> Result<(), BridgeError> {
-        self.publish_all()?;
+        if self.active {
+            self.publish_all()?;
+        }
         let mut single_steps = 0;
         let mut waiting_since = Instant::now();
         while !self.inbox.is_closed() {
             let served = self.serve_requests();
             single_steps += served.single_steps;
-            if served.reset {
+            if !self.active {
+                self.inbox.wait_for_request(REPUBLISH);
+                continue;
+            }
+            if served.reset || served.activated {
                 self.publish_all()?;
                 waiting_since = Instant::now();
             }
@@ -372,14 +394,17 @@ impl Bridge {
         let mut used_stamp_ns = None;
         while !self.inbox.is_closed() {
             let served = self.serve_requests();
+            if !self.active {
+                self.rest();
+                next = Instant::now();
+                continue;
+            }
             if self.paused && served.single_steps == 0 {
                 if let Err(error) = self.publish_joint_states() {
                     self.note_failure(&error);
                 }
                 self.report(Instant::now());
-                let patience = if self.bench.is_some() { self.config.period } else { REPUBLISH };
-                self.inbox.wait_for_request(patience);
-                self.answer_until(Instant::now() + self.config.period);
+                self.rest();
                 next = Instant::now();
                 continue;
             }
@@ -412,6 +437,12 @@ impl Bridge {
             }
         }
         Ok(())
+    }
+
+    /// While time stands still: waits for a request. Behind CAN frames are answered all the same.
+    fn rest(&mut self) {
+        self.inbox.wait_for_request(if self.bench.is_some() { self.config.period } else { REPUBLISH });
+        self.answer_until(Instant::now() + self.config.period);
     }
 
     /// Behind CAN: goes on answering frames until just before `next`.
@@ -492,12 +523,13 @@ impl Bridge {
 /// What [`Bridge::serve_requests`] did.
 #[derive(Clone, Copy, Debug, Default)]
 struct Served {
+    activated: bool,
     reset: bool,
     single_steps: u32,
 }
 
 /// Hands a request to the simulation's thread and waits for its answer.
-fn ask(inbox: &Inbox, what: Ask) -> Result<String, String> {
+pub(crate) fn ask(inbox: &Inbox, what: Ask) -> Result<String, String> {
     let (reply, answer) = channel();
     if !inbox.put_request(Request { ask: what, reply: Some(reply) }) {
         return Err("too many requests are waiting, or the simulation has ended".into());

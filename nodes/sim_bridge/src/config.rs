@@ -15,11 +15,16 @@ pub enum Pace {
 }
 
 /// What the parameters say, checked.
+#[derive(Clone)]
 pub struct Config {
     /// Who sets the pace.
     pub pace: Pace,
     /// The robot's folder.
     pub robot_folder: PathBuf,
+    /// What stands before every joint's name on topics.
+    pub joint_prefix: String,
+    /// What stands before every frame's name.
+    pub frame_prefix: String,
     /// The wiring file of the emulated drives (with `--can`).
     pub bus_file: PathBuf,
     /// How long an emulated drive takes from a frame to its effect.
@@ -85,6 +90,22 @@ impl Config {
             .read_only()
             .declare()?
             .get();
+        let prefix = |name: &str, text: &str| {
+            node.parameter(name, String::new())
+                .description(text)
+                .validate(ros::PREFIX_RULE, ros::check_prefix)
+                .read_only()
+                .declare()
+                .map(|parameter| parameter.get())
+        };
+        let joint_prefix = prefix(
+            "joint_prefix",
+            "Stands before every joint's name on topics, to tell the joints of several robots apart, such as left_.",
+        )?;
+        let frame_prefix = prefix(
+            "frame_prefix",
+            "Stands before the names of the frames odom, base_link and imu_link, such as left/.",
+        )?;
         let bus_file = node
             .parameter("bus_file", "config/hardware/vision60_can.toml".to_owned())
             .description("With --can: the wiring file of the emulated drives; looked for as robot is.")
@@ -166,6 +187,8 @@ impl Config {
         Ok(Self {
             pace: if mode == "lockstep" { Pace::Lockstep } else { Pace::Realtime },
             robot_folder: robot_folder.into(),
+            joint_prefix,
+            frame_prefix,
             bus_file: bus_file.into(),
             drive_latency: Duration::from_secs_f64(drive_latency_s),
             simulator,

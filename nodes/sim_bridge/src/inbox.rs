@@ -22,6 +22,8 @@ pub struct Answer {
 /// What a client asks of the simulation.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Ask {
+    /// Begin or go on, or stand still and publish nothing.
+    Activate(bool),
     /// Let time stand still, or go on.
     Pause(bool),
     /// One control period, while paused.

@@ -9,3 +9,4 @@ pub mod pictures;
 pub mod ports;
 pub mod simulator;
 pub mod walk;
+pub mod work;

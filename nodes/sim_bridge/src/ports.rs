@@ -9,12 +9,23 @@ use tandem_msgs::sensor_msgs::{Imu, JointState};
 use tandem_msgs::std_msgs::Header;
 use tandem_msgs::tf2_msgs::TFMessage;
 
-/// Frame of the odometry: where the robot was put down.
-pub const ODOM_FRAME: &str = "odom";
-/// Frame of the base.
-pub const BASE_FRAME: &str = "base_link";
-/// Frame of the inertial measurement unit.
-pub const IMU_FRAME: &str = "imu_link";
+/// The frames' names.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Frames {
+    /// Of the odometry: where the robot was put down.
+    pub odom: String,
+    /// Of the base.
+    pub base: String,
+    /// Of the inertial measurement unit.
+    pub imu: String,
+}
+
+impl Frames {
+    /// REP 105's names with something in front.
+    pub fn new(prefix: &str) -> Self {
+        Self { odom: format!("{prefix}odom"), base: format!("{prefix}base_link"), imu: format!("{prefix}imu_link") }
+    }
+}
 
 fn header(stamp: Time, frame: &str) -> Header {
     Header { stamp, frame_id: frame.into() }
@@ -44,9 +55,9 @@ pub fn joint_state(state: &RobotState, names: &[String; 12], stamp: Time) -> Joi
 }
 
 /// What an inertial measurement unit at the base reports: `orientation_xyzw` against the true vertical.
-pub fn imu(state: &RobotState, orientation_xyzw: [f64; 4], stamp: Time) -> Imu {
+pub fn imu(state: &RobotState, orientation_xyzw: [f64; 4], frames: &Frames, stamp: Time) -> Imu {
     Imu {
-        header: header(stamp, IMU_FRAME),
+        header: header(stamp, &frames.imu),
         orientation: quaternion(orientation_xyzw),
         angular_velocity: vector(state.base_angular_velocity_body, resolution::velocity_rad_s),
         linear_acceleration: vector(state.base_specific_force_body, resolution::acceleration_m_s2),
@@ -55,10 +66,10 @@ pub fn imu(state: &RobotState, orientation_xyzw: [f64; 4], stamp: Time) -> Imu {
 }
 
 /// The base's true pose in the world and its velocity in its own axes (REP 105).
-pub fn odometry(state: &RobotState, stamp: Time) -> Odometry {
+pub fn odometry(state: &RobotState, frames: &Frames, stamp: Time) -> Odometry {
     let [x, y, z] = state.base_position_m.map(resolution::length_m);
     let mut message =
-        Odometry { header: header(stamp, ODOM_FRAME), child_frame_id: BASE_FRAME.into(), ..Odometry::default() };
+        Odometry { header: header(stamp, &frames.odom), child_frame_id: frames.base.clone(), ..Odometry::default() };
     message.pose.pose = Pose { position: Point { x, y, z }, orientation: quaternion(state.base_quaternion_xyzw) };
     message.twist.twist = Twist {
         linear: vector(state.base_linear_velocity_body(), resolution::velocity_m_s),
@@ -68,11 +79,11 @@ pub fn odometry(state: &RobotState, stamp: Time) -> Odometry {
 }
 
 /// The base in the odometry frame.
-pub fn transform(state: &RobotState, stamp: Time) -> TFMessage {
+pub fn transform(state: &RobotState, frames: &Frames, stamp: Time) -> TFMessage {
     TFMessage {
         transforms: vec![TransformStamped {
-            header: header(stamp, ODOM_FRAME),
-            child_frame_id: BASE_FRAME.into(),
+            header: header(stamp, &frames.odom),
+            child_frame_id: frames.base.clone(),
             transform: Transform {
                 translation: vector(state.base_position_m, resolution::length_m),
                 rotation: quaternion(state.base_quaternion_xyzw),
@@ -82,8 +93,8 @@ pub fn transform(state: &RobotState, stamp: Time) -> TFMessage {
 }
 
 /// The ground's force on one toe, in the odometry frame's axes.
-pub fn ground_force(force_n: [f64; 3], stamp: Time) -> WrenchStamped {
-    let mut message = WrenchStamped { header: header(stamp, ODOM_FRAME), ..WrenchStamped::default() };
+pub fn ground_force(force_n: [f64; 3], frames: &Frames, stamp: Time) -> WrenchStamped {
+    let mut message = WrenchStamped { header: header(stamp, &frames.odom), ..WrenchStamped::default() };
     message.wrench.force = vector(force_n, resolution::force_n);
     message
 }
@@ -199,7 +210,7 @@ mod tests {
             joint_torque_nm: [0.0; 12],
             toe_force_n: [[0.0; 3]; 4],
         };
-        let twist = odometry(&state, Time::default()).twist.twist.linear;
+        let twist = odometry(&state, &Frames::new(""), Time::default()).twist.twist.linear;
         assert!((twist.x - 0.5).abs() < 1e-12 && twist.y.abs() < 1e-12);
     }
 }

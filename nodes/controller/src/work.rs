@@ -1,0 +1,250 @@
+//! The controller as a managed node. Configured, the loop runs and the topics are there, but the robot stays damped or disarmed as
+//! under the emergency stop; active, requests are granted. Activating arms nothing. Deactivating lets a walk come to rest first.
+
+use crate::config::{Pace, Parameters};
+use crate::cycle::{Cycle, EmergencyStop};
+use crate::dds_bus::{CycleClock, DEPTH, DdsBus, Speaker};
+use crate::desk::{Desk, Sensors};
+use crate::press::{Press, PressRoom};
+use crate::tape::{self, Recording, Subject};
+use anyhow::Context as _;
+use control::{Controller, Mode};
+use joint_bus::can::CanLink;
+use joint_bus::{BusConfig, DriveBus, Mit, ProtocolName, Registers};
+use realtime::{Warning, monotonic_now};
+use robot::Robot;
+use ros::{Managed, Node, Qos};
+use rtrb::RingBuffer;
+use std::path::Path;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::mpsc::sync_channel;
+use std::thread::JoinHandle;
+use std::time::{Duration, SystemTime, UNIX_EPOCH};
+
+/// How long deactivating waits for a walk to come to rest: a step, the motion running out, and room.
+const STOPPING_PATIENCE: Duration = Duration::from_secs(3);
+/// How long it then waits to see the robot damped. In lockstep time may stand still.
+const DAMPING_PATIENCE: Duration = Duration::from_millis(300);
+
+/// The drives' bus, by what they speak.
+enum Bus {
+    Mit(DriveBus<Mit, CanLink>),
+    Registers(DriveBus<Registers, CanLink>),
+}
+
+fn open_bus(file: &Path, robot: &Robot, config: &control::Config) -> anyhow::Result<Bus> {
+    let file = ros::find(file)?;
+    let text = std::fs::read_to_string(&file).with_context(|| format!("{}", file.display()))?;
+    let bus = BusConfig::from_toml_str(&text, &robot.name, &config.joint_names)
+        .and_then(|bus| bus.check_ranges(config).map(|()| bus))
+        .with_context(|| format!("{}", file.display()))?;
+    let links = bus.interfaces.iter().map(|name| CanLink::open(name)).collect::<Result<Vec<_>, _>>()?;
+    Ok(match bus.protocol {
+        ProtocolName::Mit => {
+            let protocol = Mit { host_id: bus.host_id, ..Mit::default() };
+            Bus::Mit(DriveBus::new(bus, protocol, links))
+        }
+        ProtocolName::Registers => {
+            let protocol = Registers { host_id: bus.host_id as u8 };
+            Bus::Registers(DriveBus::new(bus, protocol, links))
+        }
+    })
+}
+
+/// What runs while the node is configured.
+struct Running {
+    node: Node,
+    desk: Arc<Desk>,
+    emergency_stop: Arc<EmergencyStop>,
+    recording: Arc<Recording>,
+    stop: Arc<AtomicBool>,
+    cycle_ended: Arc<AtomicBool>,
+    control: JoinHandle<()>,
+    press: JoinHandle<()>,
+    writer: JoinHandle<()>,
+}
+
+impl Running {
+    /// The cycle's last command is damping, the press publishes it, the recording is completed, the topics go.
+    fn end(self) -> Result<(), String> {
+        self.stop.store(true, Ordering::Release);
+        self.control.thread().unpark();
+        let control = self.control.join();
+        self.cycle_ended.store(true, Ordering::Release);
+        self.press.thread().unpark();
+        let press = self.press.join();
+        self.recording.end();
+        let writer = self.writer.join();
+        drop(self.node);
+        if control.is_err() || press.is_err() || writer.is_err() {
+            return Err("a thread panicked; the lines above say where".into());
+        }
+        Ok(())
+    }
+}
+
+/// The controller between its transitions.
+pub struct Work {
+    node: Node,
+    parameters: Parameters,
+    running: Option<Running>,
+}
+
+impl Work {
+    /// Endpoints will be the node's.
+    pub fn new(node: &Node, parameters: Parameters) -> Self {
+        Self { node: node.part(), parameters, running: None }
+    }
+
+    fn open(&self, active: bool) -> anyhow::Result<Running> {
+        let parameters = &self.parameters;
+        let robot = Robot::load(&ros::find(&parameters.robot_folder)?)?;
+        let config = parameters.control(&robot);
+        let controller = Controller::new(config.clone())?;
+        let bus = parameters.bus_file.as_deref().map(|file| open_bus(file, &robot, &config)).transpose()?;
+        let on_bus = bus.is_some();
+        let lockstep = parameters.pace == Pace::Lockstep;
+        // Nothing may be lost between two processes that wait for each other; else only the newest counts.
+        let fast = if lockstep { Qos::reliable(10) } else { Qos::best_effort(1) };
+
+        let (states_in, states) = RingBuffer::new(DEPTH);
+        let (commands_in, commands) = RingBuffer::new(DEPTH);
+        let (tilts_in, tilts) = RingBuffer::new(64);
+        let (asked_in, asked) = RingBuffer::new(64);
+        let (gaits_in, gaits) = RingBuffer::new(16);
+        let (said_in, said) = RingBuffer::new(1024);
+        let emergency_stop = Arc::new(EmergencyStop::new(parameters.heartbeat));
+        emergency_stop.set_active(active);
+        let node = self.node.part();
+        let stop = Arc::new(AtomicBool::new(false));
+        let cycle_ended = Arc::new(AtomicBool::new(false));
+
+        // Where the controller's clock is the machine's own, a bag's times count from the epoch all the same.
+        let since_epoch = SystemTime::now().duration_since(UNIX_EPOCH).context("the machine's clock is before 1970")?;
+        let own_clock = on_bus || (!lockstep && parameters.clock == CycleClock::Monotonic);
+        let zero = since_epoch.saturating_sub(monotonic_now());
+        let leg_names = std::array::from_fn(|leg| robot.legs[leg].name.clone());
+        let (tape, recording, writer) = tape::tape(Subject {
+            config: config.clone(),
+            robot_description: robot.urdf.clone(),
+            leg_names: Clone::clone(&leg_names),
+            epoch_ns: if own_clock { u64::try_from(zero.as_nanos()).unwrap_or_default() } else { 0 },
+            split_bytes: parameters.split_bytes,
+            split_duration: parameters.split_duration,
+        });
+        let recording = Arc::new(recording);
+        recording.listen(&node, &leg_names)?;
+        let desk = Arc::new(Desk::new(
+            asked_in,
+            gaits_in,
+            Arc::clone(&recording),
+            Arc::clone(&emergency_stop),
+            config.clone(),
+            lockstep,
+        ));
+        let joint_names = config.joint_names.each_ref().map(|name| format!("{}{name}", parameters.joint_prefix));
+        let speaker =
+            (!on_bus).then(|| Speaker::new(&node, joint_names.clone(), commands, lockstep, fast)).transpose()?;
+        let every = (parameters.state_every, parameters.joint_states_every);
+        let press = Press::new(&node, joint_names.clone(), lockstep, every, fast, speaker, Arc::clone(&recording))?;
+        let writer = std::thread::Builder::new().name("recording".into()).spawn(move || writer.run())?;
+        if let Some(folder) = &parameters.record_folder {
+            let folder = std::path::absolute(folder)?.join(tape::folder_name(since_epoch));
+            // The robot walks without its recording; the fault stands in diagnostics until one begins.
+            if let Err(reason) = recording.start(folder) {
+                tracing::error!("no recording: {reason}");
+            }
+        }
+        let room = PressRoom { press, said, desk: Arc::clone(&desk), cycle_ended: Arc::clone(&cycle_ended) };
+        let press = std::thread::Builder::new().name("press".into()).spawn(move || room.run())?;
+        let cycle = Cycle {
+            controller,
+            tilts,
+            asked,
+            gaits,
+            emergency_stop: Arc::clone(&emergency_stop),
+            tape,
+            stop: Arc::clone(&stop),
+            said: said_in,
+            press: press.thread().clone(),
+            start_on_gait: parameters.start_on_gait,
+        };
+        let (warnings_in, warnings) = sync_channel(1);
+        let (pace, period, realtime) = (parameters.pace, parameters.period, parameters.realtime);
+        // In lockstep the cycle follows the stamps and nothing else.
+        let clock = if lockstep { CycleClock::JointStates } else { parameters.clock };
+        let topics = DdsBus::new(states, commands_in, Some(press.thread().clone()), clock);
+        let control = std::thread::Builder::new().name("control".into()).spawn(move || {
+            // The receiver waits for it; the channel has room.
+            let warn = move |list: Vec<Warning>| warnings_in.send(list).unwrap_or_default();
+            match (bus, pace) {
+                (Some(Bus::Mit(bus)), _) => cycle.run_realtime(bus, period, realtime, warn),
+                (Some(Bus::Registers(bus)), _) => cycle.run_realtime(bus, period, realtime, warn),
+                (None, Pace::Realtime) => cycle.run_realtime(topics, period, realtime, warn),
+                (None, Pace::Lockstep) => {
+                    warn(Vec::new());
+                    cycle.run_lockstep(topics);
+                }
+            }
+        })?;
+        for warning in warnings.recv().unwrap_or_default() {
+            tracing::warn!("{warning}");
+        }
+        let wake = lockstep.then(|| control.thread().clone());
+        // On a bus the cycle reads the drives itself and joint_states is what it publishes.
+        let states = (!on_bus).then_some(states_in);
+        let running = Running { node, desk, emergency_stop, recording, stop, cycle_ended, control, press, writer };
+        if let Err(error) =
+            running.desk.open(&running.node, Sensors { states, joint_names, tilts: tilts_in, wake }, fast)
+        {
+            return Err(match running.end() {
+                Ok(()) => error.into(),
+                Err(more) => anyhow::anyhow!("{error}; {more}"),
+            });
+        }
+        let how = match (on_bus, lockstep) {
+            (true, _) => "on CAN",
+            (false, true) => "over DDS in lockstep",
+            (false, false) => "over DDS in realtime",
+        };
+        tracing::info!("{}: disarmed, {how}", config.robot);
+        Ok(running)
+    }
+}
+
+impl Managed for Work {
+    fn configure(&mut self, goes_active: bool) -> Result<(), String> {
+        self.running = Some(self.open(goes_active).map_err(|error| format!("{error:#}"))?);
+        Ok(())
+    }
+
+    fn activate(&mut self) -> Result<(), String> {
+        if let Some(running) = &self.running {
+            running.emergency_stop.set_active(true);
+        }
+        Ok(())
+    }
+
+    fn deactivate(&mut self) -> Result<(), String> {
+        let Some(running) = &self.running else { return Ok(()) };
+        // At the end of the program damping comes at once: nobody waits for a process that is told to go.
+        let hurried = || self.node.stop().is_requested();
+        if !hurried() {
+            running.desk.bring_to_rest(STOPPING_PATIENCE, hurried);
+        }
+        running.emergency_stop.set_active(false);
+        if !running.desk.wait_for_mode(DAMPING_PATIENCE, hurried, |mode| {
+            matches!(mode, Mode::Damping | Mode::Disarmed | Mode::Fault)
+        }) {
+            tracing::warn!(
+                "deactivated: the robot is damped with the next joint state; none came for {DAMPING_PATIENCE:?}"
+            );
+        }
+        Ok(())
+    }
+
+    fn clean_up(&mut self) -> Result<(), String> {
+        self.running.take().map_or(Ok(()), Running::end)
+    }
+}

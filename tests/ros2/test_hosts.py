@@ -1,0 +1,160 @@
+"""Two hosts: network namespaces joined by a virtual cable. The planner is on one, the robot with its controller on the other."""
+
+import json
+import math
+import os
+import signal
+import subprocess
+import sys
+import time
+
+import pytest
+from conftest import ROOT, TARGET, Process, wait_until
+
+PLANNER, ROBOT = "tandem_planner_host", "tandem_robot_host"
+MODE = os.environ.get("TANDEM_HOSTS_MODE", "lockstep")
+
+
+def ip(*arguments, check=True):
+    return subprocess.run(["ip", *arguments], check=check, capture_output=True, text=True)
+
+
+@pytest.fixture
+def hosts():
+    tried = ip("netns", "add", PLANNER, check=False)
+    if tried.returncode:
+        pytest.skip(f"network namespaces are not permitted here: {tried.stderr.strip()}")
+    try:
+        ip("netns", "add", ROBOT)
+        ip("link", "add", "to_robot", "netns", PLANNER, "type", "veth", "peer", "name", "to_planner", "netns", ROBOT)
+        for host, cable, address in ((PLANNER, "to_robot", "10.77.0.1/24"), (ROBOT, "to_planner", "10.77.0.2/24")):
+            ip("-n", host, "addr", "add", address, "dev", cable)
+            ip("-n", host, "link", "set", "lo", "up")
+            ip("-n", host, "link", "set", cable, "up")
+            ip("-n", host, "route", "add", "239.255.0.0/16", "dev", cable)
+        yield
+    finally:
+        for host in (PLANNER, ROBOT):
+            ip("netns", "del", host, check=False)
+
+
+def cable(state):
+    ip("-n", PLANNER, "link", "set", "to_robot", state)
+
+
+class Host:
+    """Programs on one host, and an rclpy node there that does what it is told."""
+
+    def __init__(self, name, folder):
+        self.name, self.folder, self.started = name, folder, []
+        environment = {**os.environ, "ROS_AUTOMATIC_DISCOVERY_RANGE": "SUBNET"}
+        self.errors = open(folder / f"{name}.log", "wb")
+        self.helper = subprocess.Popen(
+            ["ip", "netns", "exec", name, sys.executable, ROOT / "tests/ros2/at_host.py", name],
+            stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=self.errors, text=True, env=environment, cwd=ROOT,
+        )  # fmt: skip
+
+    def start(self, program, *arguments):
+        command = ["env", "ROS_AUTOMATIC_DISCOVERY_RANGE=SUBNET", "ip", "netns", "exec", self.name, str(TARGET / program)]
+        log = self.folder / f"{program}-{len(self.started)}.log"
+        process = Process("/usr/bin/env", [*command[1:], *arguments], log)
+        self.started.append(process)
+        return process
+
+    def ask(self, **request):
+        self.helper.stdin.write(json.dumps(request) + "\n")
+        self.helper.stdin.flush()
+        line = self.helper.stdout.readline()
+        assert line, f"the helper on {self.name} ended: {(self.folder / f'{self.name}.log').read_text()}"
+        return json.loads(line)
+
+    def call(self, name, type_, seconds=40, **fields):
+        answer = self.ask(call=name, type=type_, fields=fields, seconds=seconds)
+        assert "error" not in answer, answer["error"] + "".join(f"\n{p.text()[-2000:]}" for p in self.started)
+        return answer
+
+    def close(self):
+        for process in self.started:
+            if process.alive():
+                process.stop(signal.SIGTERM)
+        self.helper.stdin.close()
+        self.helper.wait(10)
+        self.errors.close()
+
+
+def test_walking_survives_a_cut_cable_and_a_killed_planner(hosts, tmp_path):
+    planner, robot = Host(PLANNER, tmp_path), Host(ROBOT, tmp_path)
+    try:
+        plans = planner.start("tandem_planner")
+        bridge_options = ["-p", f"mode:={MODE}", "-p", "lockstep_timeout_s:=60.0", "-p", "start_paused:=true"]
+        controller = robot.start("tandem_controller", "--ros-args", "-p", f"mode:={MODE}")
+        bridge = robot.start("tandem_sim_bridge", "--ros-args", *bridge_options)
+        robot.ask(watch="/controller_state", type="tandem_msgs/msg/ControllerState")
+        robot.ask(watch="/odom", type="nav_msgs/msg/Odometry")
+        planner.ask(watch="/controller_state", type="tandem_msgs/msg/ControllerState")
+
+        states = lambda: robot.ask(heard="/controller_state", fields=["mode", "fault", "gait", "step_index", "missed_cycles"])
+        mode = lambda: (states() or [[0, "silent"]])[-1][1]
+        generate = lambda gait, seconds=40: robot.call(
+            "/generate_gait", "tandem_msgs/srv/GenerateGait", seconds, behaviour=gait
+        )
+
+        loaded = lambda: controller.text().count('gait "gait1"')
+        first = generate("gait1")
+        assert first["success"], first
+        print(f"first request across the cable answered after {first['seconds']:.2f} s")
+        wait_until(lambda: loaded() == 1, 20, "the gait is across the cable")
+        for name in ("arm", "stand", "walk"):
+            answer = robot.call(f"/{name}", "std_srvs/srv/Trigger")
+            assert answer["success"], answer
+        robot.call("/pause", "std_srvs/srv/SetBool", data=False)
+        wait_until(lambda: mode() == "walking", 60, lambda: f"walking; it is {states()[-1:]}")
+
+        # The cable is out for two seconds.
+        walking_since = time.monotonic()
+        steps = states()[-1][4]
+        cable("down")
+        time.sleep(2)
+        assert states()[-1][4] > steps, "it walked on while the cable was out"
+        heard_before = len(planner.ask(heard="/controller_state", fields=["mode"]))
+        up = time.monotonic()
+        cable("up")
+        ip("-n", PLANNER, "route", "replace", "239.255.0.0/16", "dev", "to_robot")
+        wait_until(lambda: len(planner.ask(heard="/controller_state", fields=["mode"])) > heard_before, 60, "topics cross again")
+        topics = time.monotonic() - up
+        again = generate("gait1", 60)
+        assert again["success"], again
+        print(f"cable back: topics cross after {topics:.2f} s, a request is answered after {time.monotonic() - up:.2f} s")
+        wait_until(lambda: loaded() == 2, 30, "the new gait is across the cable")
+
+        # The planner is killed, and started again.
+        killed = time.monotonic()
+        pids = subprocess.run(["ip", "netns", "pids", PLANNER], capture_output=True, text=True).stdout.split()
+        for pid in pids:
+            if os.path.basename(os.readlink(f"/proc/{pid}/exe")) == "tandem_planner":
+                os.kill(int(pid), signal.SIGKILL)
+        wait_until(lambda: not plans.alive(), 10, "the planner is dead")
+        planner.start("tandem_planner")
+        restarted = generate("gait1", 90)
+        assert restarted["success"], restarted
+        print(f"planner killed and started again: a request is answered after {time.monotonic() - killed:.2f} s, {restarted['tries']} tries")
+        wait_until(lambda: loaded() == 3, 30, "its gait is across the cable")
+        steps = states()[-1][4]
+        wait_until(lambda: states()[-1][4] > steps + 2, 30, "it walks on")
+
+        # It never stumbled.
+        during = [state for state in states() if state[0] >= walking_since]
+        assert {state[1] for state in during} == {"walking"} and {state[2] for state in during} == {""}, during[-1]
+        poses = robot.ask(
+            heard="/odom", fields=["pose.pose.position.z", "pose.pose.orientation.x", "pose.pose.orientation.y", "header.stamp.sec"]
+        )
+        walked = [pose for pose in poses if pose[0] >= walking_since]
+        assert all(z > 0.35 and 1 - 2 * (x * x + y * y) > math.cos(0.8) for _, z, x, y, _ in walked), "it fell"
+        assert controller.alive() and bridge.alive()
+        print(
+            f"walked {walked[-1][4] - walked[0][4]} simulated s in {walked[-1][0] - walked[0][0]:.1f} s, "
+            f"{during[-1][5] - during[0][5]} cycles missed"
+        )
+    finally:
+        planner.close()
+        robot.close()

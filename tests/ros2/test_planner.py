@@ -1,0 +1,199 @@
+"""The planner's service and action with rclpy's own clients: every path, several clients at once, answers of any length."""
+
+import threading
+import time
+
+import pytest
+from conftest import Client, wait_until
+
+# Out of its range, so that the search for the nearest request follows: the slowest answer there is.
+HOPELESS = {"behaviour": "amble", "speed_m_s": [5.0]}
+
+
+@pytest.fixture(scope="module")
+def planner(processes, client):
+    process = processes("tandem_planner", "--ros-args", "-r", "__ns:=/planning")
+    yield process
+    assert process.stop() == 0, process.text()
+
+
+class Goals:
+    """rclpy's action client, and what it hears."""
+
+    def __init__(self, client, namespace):
+        from rclpy.action import ActionClient
+        from tandem_msgs.action import GenerateGait
+
+        self.type = GenerateGait
+        self.client = ActionClient(client.node, GenerateGait, f"{namespace}/generate_gait")
+        assert self.client.wait_for_server(40)
+        time.sleep(0.1)
+
+    def send(self, feedback=None, **fields):
+        future = self.client.send_goal_async(self.type.Goal(**fields), feedback_callback=feedback)
+        wait_until(future.done, 20, "the goal is answered")
+        return future.result()
+
+    def result(self, handle, seconds=40):
+        future = handle.get_result_async()
+        wait_until(future.done, seconds, "the goal's result")
+        return future.result()
+
+
+@pytest.fixture
+def goals(client, planner):
+    goals = Goals(client, "/planning")
+    yield goals
+    goals.client.destroy()
+
+
+def test_a_goal_succeeds_with_feedback_for_every_iteration_and_its_gait_on_the_topic(client, goals):
+    from action_msgs.msg import GoalStatus
+    from tandem_msgs.msg import Gait
+    from test_walk import latched
+
+    gaits, heard = [], []
+    client.node.create_subscription(Gait, "/planning/gait", gaits.append, latched())
+    handle = goals.send(lambda message: heard.append(message.feedback), behaviour="amble", speed_m_s=[0.3])
+    assert handle.accepted
+    answer = goals.result(handle)
+    assert answer.status == GoalStatus.STATUS_SUCCEEDED
+    result = answer.result
+    assert result.success and result.status == "converged" and result.solver.status == "converged"
+    wait_until(lambda: len(heard) >= result.solver.iterations, 5, lambda: f"{[feedback.iteration for feedback in heard]} of {result.solver.iterations}")
+    numbers = [feedback.iteration for feedback in heard]
+    assert numbers == list(range(numbers[0], numbers[0] + len(numbers))) and numbers[-1] == result.solver.iterations, numbers
+    assert heard[-1].max_violation <= 1e-5 and heard[0].max_violation > heard[-1].max_violation
+    assert all(later.elapsed_s > earlier.elapsed_s for earlier, later in zip(heard, heard[1:]))
+    wait_until(lambda: any(gait.header.stamp == result.gait_stamp for gait in gaits), 5, "the gait on its topic")
+    # Who asks once more, and who asks late, hear the same.
+    assert goals.result(handle).result == result
+
+
+def test_a_goal_that_cannot_be_meant_is_aborted_and_says_why(goals):
+    from action_msgs.msg import GoalStatus
+
+    answer = goals.result(goals.send(behaviour="moonwalk"))
+    assert answer.status == GoalStatus.STATUS_ABORTED
+    assert not answer.result.success and answer.result.status == "invalid_request" and "moonwalk" in answer.result.message
+
+
+def test_a_goal_is_cancelled_while_it_runs_and_while_it_waits(goals):
+    from action_msgs.msg import GoalStatus
+    from action_msgs.srv import CancelGoal
+
+    running, waiting = goals.send(**HOPELESS), goals.send(behaviour="gait1")
+    assert running.accepted and waiting.accepted
+    for handle in (waiting, running):
+        future = handle.cancel_goal_async()
+        wait_until(future.done, 10, "the cancellation is answered")
+        assert future.result().return_code == CancelGoal.Response.ERROR_NONE
+        assert [bytes(goal.goal_id.uuid) for goal in future.result().goals_canceling] == [bytes(handle.goal_id.uuid)]
+        began = time.monotonic()
+        assert goals.result(handle).status == GoalStatus.STATUS_CANCELED
+        assert time.monotonic() - began < 2
+    again = running.cancel_goal_async()
+    wait_until(again.done, 10, "the second cancellation is answered")
+    assert again.result().return_code == CancelGoal.Response.ERROR_GOAL_TERMINATED
+    assert goals.result(goals.send(behaviour="gait1")).status == GoalStatus.STATUS_SUCCEEDED
+
+
+def test_a_request_that_cannot_be_planned_is_answered_in_fields_of_its_own(client, planner):
+    from tandem_msgs.srv import GenerateGait
+
+    plan = client.service(GenerateGait, "/planning/generate_gait")
+    response = client.call(plan, GenerateGait.Request(**HOPELESS), 60)
+    assert (response.success, response.status) == (False, "invalid_request")
+    assert list(response.binding_constraints) == ["speed_m_s"]
+    assert list(response.nearest_fields) == ["speed_m_s"]
+    (speed,) = response.nearest_values
+    assert 0.35 < speed < 5
+    assert client.call(plan, GenerateGait.Request(behaviour="amble", speed_m_s=[speed])).success, "the proposal can be planned"
+    # Within its range and yet too much: the limits that the nearest gait has reached.
+    response = client.call(plan, GenerateGait.Request(behaviour="amble", speed_m_s=[2.0], step_duration_s=[0.6]), 60)
+    assert not response.success and response.status != "invalid_request", response
+    assert response.binding_constraints and response.nearest_fields and len(response.nearest_values) == len(response.nearest_fields)
+
+
+def test_a_hundred_requests_in_a_row_are_answered(client, planner):
+    from tandem_msgs.srv import GenerateGait
+
+    plan = client.service(GenerateGait, "/planning/generate_gait")
+    began = time.monotonic()
+    stamps = set()
+    for number in range(100):
+        response = client.call(plan, GenerateGait.Request(behaviour="amble", speed_m_s=[0.3 + 0.001 * (number % 50)]))
+        assert response.success, response.message
+        assert response.step_length_m == pytest.approx((0.3 + 0.001 * (number % 50)) * response.step_duration_s, rel=1e-3)
+        stamps.add((response.gait_stamp.sec, response.gait_stamp.nanosec))
+    assert len(stamps) == 100
+    print(f"100 requests in {time.monotonic() - began:.2f} s")
+
+
+def test_four_clients_at_once_are_answered_while_one_asks_the_impossible(client, planner):
+    from tandem_msgs.srv import GenerateGait
+
+    slowest, failures = [0.0] * 4, []
+    others = [Client(f"caller_{number}") for number in range(4)]
+    services = [other.service(GenerateGait, "/planning/generate_gait") for other in others]
+
+    def caller(number):
+        try:
+            for turn in range(15):
+                began = time.monotonic()
+                fields = HOPELESS if number == 0 and turn == 0 else {"behaviour": ["gait1", "gait2", "gait3", "amble"][number]}
+                response = others[number].call(services[number], GenerateGait.Request(**fields), 60)
+                assert response.success != (fields is HOPELESS), response.message
+                slowest[number] = max(slowest[number], time.monotonic() - began)
+        except BaseException as failure:  # a thread's failure is the test's
+            failures.append(failure)
+
+    threads = [threading.Thread(target=caller, args=[number]) for number in range(4)]
+    for thread in threads:
+        thread.start()
+    for thread in threads:
+        thread.join()
+    for other in others:
+        other.close()
+    assert not failures, failures
+    print("slowest answer of each client:", ", ".join(f"{seconds:.3f} s" for seconds in slowest))
+    assert max(slowest[1:]) < max(1.0, 0.5 * slowest[0]), f"held up by the impossible: {slowest}"
+
+
+def test_what_is_too_much_is_refused_with_a_reason(client, processes):
+    from tandem_msgs.srv import GenerateGait
+
+    arguments = ["-p", "waiting_requests:=0", "-p", "parallel_requests:=1"]
+    processes("tandem_planner", "--ros-args", "-r", "__ns:=/crowded", *arguments)
+    plan = client.service(GenerateGait, "/crowded/generate_gait")
+    goals = Goals(client, "/crowded")
+    others = [Client(f"crowd_{number}") for number in range(3)]
+    services = [other.service(GenerateGait, "/crowded/generate_gait") for other in others]
+    first = plan.call_async(GenerateGait.Request(**HOPELESS))
+    time.sleep(0.1)
+    futures = [service.call_async(GenerateGait.Request(behaviour="gait1")) for service in services]
+    wait_until(lambda: all(future.done() for future in [first, *futures]), 40, "everyone is answered")
+    assert all(not future.result().success and future.result().status == "busy" for future in futures)
+    assert all("wait already" in future.result().message for future in futures)
+    running = goals.send(**HOPELESS)
+    assert running.accepted and not goals.send(behaviour="gait1").accepted
+    running.cancel_goal_async()
+    goals.result(running)
+    goals.client.destroy()
+    for other in others:
+        other.close()
+
+
+def test_answers_longer_than_a_datagram_arrive(client, processes):
+    """As `ros2 param dump` asks: all parameters at once, of the node that has most."""
+    from rcl_interfaces.srv import DescribeParameters, GetParameters, ListParameters
+    from rclpy.serialization import serialize_message
+
+    processes("tandem_controller", "--ros-args", "-r", "__ns:=/verbose")
+    ask = lambda kind, name, request: client.call(client.service(kind, f"/verbose/controller/{name}"), request)
+    names = ask(ListParameters, "list_parameters", ListParameters.Request()).result.names
+    values = ask(GetParameters, "get_parameters", GetParameters.Request(names=names))
+    descriptions = ask(DescribeParameters, "describe_parameters", DescribeParameters.Request(names=names))
+    assert len(serialize_message(values)) > 1400 and len(serialize_message(descriptions)) > 3000
+    assert len(values.values) == len(names) and all(value.type for value in values.values)
+    assert [descriptor.name for descriptor in descriptions.descriptors] == list(names)
