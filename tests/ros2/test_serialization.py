@@ -3,6 +3,7 @@
 import importlib
 import random
 import re
+import struct
 import subprocess
 
 import pytest
@@ -90,6 +91,8 @@ def random_value(type_name, source):
         return random_text(source)
     if type_name in ("double", "float64"):
         return source.choice([0.0, -0.0, 1e-300, -1e300, source.uniform(-10, 10), float("inf")])
+    if type_name in ("float", "float32"):
+        return struct.unpack("f", struct.pack("f", source.uniform(-10, 10)))[0]
     if type_name == "octet":
         return bytes([source.randrange(256)])
     if "/" in type_name:
