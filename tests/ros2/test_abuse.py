@@ -24,11 +24,10 @@ import rclpy, sys
 from diagnostic_msgs.msg import DiagnosticArray
 from rcl_interfaces.msg import Log
 from tandem_msgs.msg import ControllerState, Gait
-from tf2_msgs.msg import TFMessage
 rclpy.init()
 node = rclpy.create_node(sys.argv[1])
 for kind, topic in ((ControllerState, "/abused/controller_state"), (Gait, "/abused/gait"), (DiagnosticArray, "/diagnostics"),
-                    (TFMessage, "/tf"), (Log, "/rosout")):
+                    (Log, "/rosout")):
     node.create_subscription(kind, topic, lambda message: None, 100)
 print("ready", flush=True)
 rclpy.spin(node)
@@ -139,7 +138,8 @@ def test_a_walking_robot_does_not_notice(robot, loop, processes):
             arm = client.service(Trigger, "/abused/arm")
             plan = client.service(GenerateGait, "/abused/generate_gait")
             while flooding.is_set():
-                futures = [arm.call_async(Trigger.Request()) for _ in range(20)]
+                # rclpy keeps ten answers, and every client of a service gets those of all: eight at once is what four can ask.
+                futures = [arm.call_async(Trigger.Request()) for _ in range(2)]
                 futures.append(plan.call_async(GenerateGait.Request(behaviour="moonwalk")))
                 asked[number] += len(futures)
                 wait_until(lambda: all(future.done() for future in futures), 30, lambda: f"flood {number}: {sum(f.done() for f in futures)} of {len(futures)}")
