@@ -8,6 +8,8 @@ from conftest import Client, wait_until
 
 # Out of its range, so that the search for the nearest request follows: the slowest answer there is.
 HOPELESS = {"behaviour": "amble", "speed_m_s": [5.0]}
+# Takes seconds to be refused: the solver tries before it gives up, and so does the search for what could be planned.
+SLOW = {"behaviour": "amble", "half_width_m": [0.5]}
 
 
 @pytest.fixture(scope="module")
@@ -82,7 +84,7 @@ def test_a_goal_is_cancelled_while_it_runs_and_while_it_waits(goals):
     from action_msgs.msg import GoalStatus
     from action_msgs.srv import CancelGoal
 
-    running, waiting = goals.send(**HOPELESS), goals.send(behaviour="gait1")
+    running, waiting = goals.send(**SLOW), goals.send(behaviour="gait1")
     assert running.accepted and waiting.accepted
     for handle in (waiting, running):
         future = handle.cancel_goal_async()
@@ -169,13 +171,13 @@ def test_what_is_too_much_is_refused_with_a_reason(client, processes):
     goals = Goals(client, "/crowded")
     others = [Client(f"crowd_{number}") for number in range(3)]
     services = [other.service(GenerateGait, "/crowded/generate_gait") for other in others]
-    first = plan.call_async(GenerateGait.Request(**HOPELESS))
+    first = plan.call_async(GenerateGait.Request(**SLOW))
     time.sleep(0.1)
     futures = [service.call_async(GenerateGait.Request(behaviour="gait1")) for service in services]
     wait_until(lambda: all(future.done() for future in [first, *futures]), 40, "everyone is answered")
     assert all(not future.result().success and future.result().status == "busy" for future in futures)
     assert all("wait already" in future.result().message for future in futures)
-    running = goals.send(**HOPELESS)
+    running = goals.send(**SLOW)
     assert running.accepted and not goals.send(behaviour="gait1").accepted
     running.cancel_goal_async()
     goals.result(running)
