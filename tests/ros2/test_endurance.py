@@ -68,5 +68,6 @@ def test_endurance(processes, ros):
     if SECONDS >= 600:
         assert all(abs(slope) < 1024 for slope in slopes), slopes
     else:
-        assert all(sample[-1][1] - sample[0][1] < 8192 for sample in samples), samples
+        # The bridge's buffers fill over the first 20 s, by 22 MB, and then stay (docs/ros2.md); that nothing grows later is the hour's to show.
+        assert all(sample[-1][1] - sample[0][1] < 32768 for sample in samples), samples
     robot.close()
