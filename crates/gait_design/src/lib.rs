@@ -37,7 +37,7 @@ pub use request::{
 };
 
 pub use stability::{Complex, Stability, stability};
-pub use verification::{BetweenPoints, StepComparison, between_points, simulate_planned_step};
+pub use verification::{BetweenPoints, SimulatedPoint, StepComparison, between_points, simulate_planned_step};
 
 use decomposition::Pairing;
 use gait::{Gait, GaitError};

@@ -24,6 +24,21 @@ pub struct StepComparison {
     pub normal_force_error: f64,
     /// Heights of the swing toes above the floor when the step ends, m.
     pub landing_height_m: [f64; 2],
+    /// The stance legs.
+    pub stance_legs: [usize; 2],
+    /// The simulated step, five times finer than the plan's points.
+    pub simulated: Vec<SimulatedPoint>,
+}
+
+/// The simulated robot at one instant of the step.
+#[derive(Clone, Debug, PartialEq)]
+pub struct SimulatedPoint {
+    /// Time since the step began, s.
+    pub time_s: f64,
+    /// Positions of the twelve joints, rad.
+    pub joint_position_rad: [f64; JOINTS],
+    /// Normal forces on the stance legs' toes, in the order of [`StepComparison::stance_legs`], N.
+    pub normal_force_n: [f64; 2],
 }
 
 /// Proportional and derivative gains of the linearised outputs, 1/s² and 1/s.
@@ -45,7 +60,9 @@ pub fn simulate_planned_step(
     let (side, legs, swing) = step_of(points);
     let [stance, swing] = [legs, swing].map(|legs| legs.map(|leg| robot.legs[leg].toe));
     let start = State { time_s: 0.0, q: points[0].q.to_vec(), v: points[0].v.to_vec() };
-    let times: Vec<f64> = points.iter().map(|p| p.phase * t).collect();
+    const FINER: usize = 5;
+    let instants = FINER * (points.len() - 1);
+    let times: Vec<f64> = (0..=instants).map(|k| k as f64 / instants as f64 * t).collect();
     let mut data = Data::new(model);
     let phase = simulate_phase(
         model,
@@ -68,21 +85,32 @@ pub fn simulate_planned_step(
         body_orientation_error_rad: 0.0,
         normal_force_error: 0.0,
         landing_height_m: [0.0; 2],
+        stance_legs: legs,
+        simulated: Vec::with_capacity(times.len()),
     };
+    // The start is the first state unless it was asked for.
+    let states: Vec<&State> = std::iter::once(&start).chain(phase.states.iter().filter(|s| s.time_s > 0.0)).collect();
+    for state in &states {
+        let wanted = output_acceleration(gait, side, state.time_s, &state.q, &state.v);
+        let solution = linearise(model, &mut data, &stance, &state.q, &state.v, &wanted);
+        comparison.simulated.push(SimulatedPoint {
+            time_s: state.time_s,
+            joint_position_rad: std::array::from_fn(|j| state.q[6 + j]),
+            normal_force_n: solution.normal_force,
+        });
+    }
     let weight = model.total_mass() * model.gravity.norm();
     for point in points {
         let time = point.phase * t;
-        let state = std::iter::once(&start)
-            .chain(&phase.states)
-            .min_by(|a, b| (a.time_s - time).abs().total_cmp(&(b.time_s - time).abs()))
+        let (state, simulated) = (states.iter().zip(&comparison.simulated))
+            .min_by(|a, b| (a.0.time_s - time).abs().total_cmp(&(b.0.time_s - time).abs()))
             .expect("the start at least");
+        let forces = simulated.normal_force_n;
         let largest =
             |range: std::ops::Range<usize>| range.map(|i| (state.q[i] - point.q[i]).abs()).fold(0.0, f64::max);
         comparison.body_position_error_m = comparison.body_position_error_m.max(largest(0..3));
         comparison.body_orientation_error_rad = comparison.body_orientation_error_rad.max(largest(3..6));
         comparison.joint_error_rad = comparison.joint_error_rad.max(largest(6..18));
-        let wanted = output_acceleration(gait, side, time, &state.q, &state.v);
-        let forces = linearise(model, &mut data, &stance, &state.q, &state.v, &wanted).normal_force;
         for (force, leg) in forces.into_iter().zip(legs) {
             let error = (force - point.ground_force_n[leg][2]).abs() / weight;
             comparison.normal_force_error = comparison.normal_force_error.max(error);

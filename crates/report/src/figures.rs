@@ -11,11 +11,11 @@ use crate::canvas::{Area, BLUE, CYAN, FAINT, GREEN, GRID, INK, Image, ORANGE, RE
 use crate::run::{Run, STANDING_N, Sample};
 use crate::{Origin, ReportError, mean_absolute_torque_nm, mean_forward_speed_m_s, table_two};
 
-const JOINT_TYPES: [&str; JOINTS_PER_LEG] = ["hip roll", "hip pitch", "knee"];
-const JOINT_COLOURS: [RGBColor; JOINTS_PER_LEG] = [BLUE, ORANGE, GREEN];
-const LEG_NAMES: [&str; LEGS] = ["front left", "rear left", "front right", "rear right"];
+pub(crate) const JOINT_TYPES: [&str; JOINTS_PER_LEG] = ["hip roll", "hip pitch", "knee"];
+pub(crate) const JOINT_COLOURS: [RGBColor; JOINTS_PER_LEG] = [BLUE, ORANGE, GREEN];
+pub(crate) const LEG_NAMES: [&str; LEGS] = ["front left", "rear left", "front right", "rear right"];
 
-type Chart<'a, 'b> = ChartContext<'a, BitMapBackend<'b>, Cartesian2d<RangedCoordf64, RangedCoordf64>>;
+pub(crate) type Chart<'a, 'b> = ChartContext<'a, BitMapBackend<'b>, Cartesian2d<RangedCoordf64, RangedCoordf64>>;
 
 impl Origin {
     pub(crate) fn word(self) -> &'static str {
@@ -402,7 +402,7 @@ fn thinned(points: &[(f64, f64)]) -> Vec<(f64, f64)> {
     points.iter().step_by(every).copied().collect()
 }
 
-fn padded(values: impl Iterator<Item = f64>) -> Range<f64> {
+pub(crate) fn padded(values: impl Iterator<Item = f64>) -> Range<f64> {
     let (low, high) =
         values.fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), value| (low.min(value), high.max(value)));
     let margin = ((high - low) * 0.07).max(1e-6);
@@ -410,7 +410,7 @@ fn padded(values: impl Iterator<Item = f64>) -> Range<f64> {
 }
 
 /// The range, widened about its middle to a least width: noise then looks like noise.
-fn at_least(range: Range<f64>, width: f64) -> Range<f64> {
+pub(crate) fn at_least(range: Range<f64>, width: f64) -> Range<f64> {
     let middle = (range.start + range.end) / 2.0;
     let half = ((range.end - range.start) / 2.0).max(width / 2.0);
     middle - half..middle + half
@@ -427,15 +427,15 @@ fn marks(range: &Range<f64>, count: usize) -> impl Fn(&f64) -> String + use<> {
 }
 
 #[derive(Default)]
-struct Labels<'a> {
-    title: &'a str,
-    x: &'a str,
-    y: &'a str,
+pub(crate) struct Labels<'a> {
+    pub title: &'a str,
+    pub x: &'a str,
+    pub y: &'a str,
     /// More marks on the time axis.
-    wide: bool,
+    pub wide: bool,
 }
 
-fn chart<'a, 'b>(
+pub(crate) fn chart<'a, 'b>(
     panel: &'a Area<'b>,
     x: Range<f64>,
     y: Range<f64>,
@@ -467,14 +467,19 @@ fn chart<'a, 'b>(
     Ok(chart)
 }
 
-fn line(chart: &mut Chart, points: &[(f64, f64)], colour: RGBAColor, width: f64) -> Result<(), ReportError> {
+pub(crate) fn line(chart: &mut Chart, points: &[(f64, f64)], colour: RGBAColor, width: f64) -> Result<(), ReportError> {
     let stroke = (width * f64::from(px(1))).round() as u32;
     chart.draw_series(LineSeries::new(points.iter().copied(), colour.stroke_width(stroke))).map_err(drawing)?;
     Ok(())
 }
 
 /// Title, note and legend on top of a picture; gives the area below them.
-fn heading<'b>(area: &Area<'b>, title: &str, note: &str, legend: &[(&str, RGBColor)]) -> Result<Area<'b>, ReportError> {
+pub(crate) fn heading<'b>(
+    area: &Area<'b>,
+    title: &str,
+    note: &str,
+    legend: &[(&str, RGBColor)],
+) -> Result<Area<'b>, ReportError> {
     let (top, plot) = area.split_vertically(px(78));
     top.draw(&Text::new(title.to_owned(), (px(24) as i32, px(16) as i32), text(26, INK))).map_err(drawing)?;
     top.draw(&Text::new(note.to_owned(), (px(24) as i32, px(50) as i32), text(17, FAINT))).map_err(drawing)?;
@@ -482,7 +487,7 @@ fn heading<'b>(area: &Area<'b>, title: &str, note: &str, legend: &[(&str, RGBCol
     Ok(plot)
 }
 
-fn panel_legend(panel: &Area, legend: &[(&str, RGBColor)]) -> Result<(), ReportError> {
+pub(crate) fn panel_legend(panel: &Area, legend: &[(&str, RGBColor)]) -> Result<(), ReportError> {
     draw_legend(panel, legend, 30, 14)
 }
 

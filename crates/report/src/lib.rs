@@ -25,6 +25,8 @@
 //! # Ok(()) }
 //! ```
 //!
+//! [`planned_step`] draws a plan's step beside its simulation.
+//!
 //! [`page()`] makes one self-contained HTML page of one or more runs, with a scrubber and an animation of the robot.
 //!
 //! Samples may come from a simulator, a robot or a bag; nothing here knows where from. Joint vectors have 12 entries in the order
@@ -40,6 +42,7 @@ mod error;
 mod figures;
 mod page;
 mod paper;
+mod planned_step;
 mod run;
 mod tiles;
 
@@ -48,6 +51,7 @@ pub use error::ReportError;
 pub use figures::{footfalls, phase_portraits, time_series, torque_bars};
 pub use page::{PageRun, Skeleton, page};
 pub use paper::{TableTwo, table_two};
+pub use planned_step::{PlannedStep, StepPoint, planned_step};
 pub use run::{Origin, Run, Sample, mean_absolute_torque_nm, mean_forward_speed_m_s};
 pub use tiles::{Tile, tile_strip};
 

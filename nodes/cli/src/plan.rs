@@ -77,6 +77,9 @@ pub struct Arguments {
     /// depart from the plan
     #[arg(long)]
     verify: bool,
+    /// With --verify, draw the planned and the simulated step into this folder, NAME_step.png
+    #[arg(long, value_name = "FOLDER", requires = "verify")]
+    plot: Option<PathBuf>,
     /// Compute the multipliers of the step-to-step map under the tracking law
     #[arg(long)]
     stability: bool,
@@ -146,7 +149,7 @@ pub fn run(arguments: &Arguments) -> Result<ExitCode> {
             plan.gait.step_duration_s,
             file.map_or_else(|| "not written: give -o FILE".into(), |f| f.display().to_string())
         );
-        if arguments.verify && !verify(&robot, &request, &plan)? {
+        if arguments.verify && !verify(&robot, &request, &plan, arguments.plot.as_deref())? {
             followed = false;
         }
         if arguments.stability {
@@ -273,16 +276,25 @@ fn timed(robot: &robot::Robot, request: &GaitRequest, reference: Reference, verb
 }
 
 /// Simulates each planned step with the full-order model, prints how it compares, and says whether it follows the plan.
-fn verify(robot: &robot::Robot, request: &GaitRequest, plan: &Plan) -> Result<bool> {
+fn verify(robot: &robot::Robot, request: &GaitRequest, plan: &Plan, plot: Option<&Path>) -> Result<bool> {
     let robot = gait_design::on_slope(robot, request);
     let mut good = true;
-    for points in [&plan.points, &plan.second_points].into_iter().filter(|points| !points.is_empty()) {
-        good &= verify_step(&robot, request, &plan.gait, points)?;
+    for (points, which) in [(&plan.points, ""), (&plan.second_points, "_second")] {
+        if !points.is_empty() {
+            let file = plot.map(|folder| folder.join(format!("{}{which}_step.png", plan.gait.name)));
+            good &= verify_step(&robot, request, &plan.gait, points, file.as_deref())?;
+        }
     }
     Ok(good)
 }
 
-fn verify_step(robot: &robot::Robot, request: &GaitRequest, gait: &gait::Gait, points: &[PlanPoint]) -> Result<bool> {
+fn verify_step(
+    robot: &robot::Robot,
+    request: &GaitRequest,
+    gait: &gait::Gait,
+    points: &[PlanPoint],
+    plot: Option<&Path>,
+) -> Result<bool> {
     let c = gait_design::simulate_planned_step(robot, gait, points)
         .with_context(|| format!("cannot simulate {}", gait.name))?;
     let follows = c.follows_plan();
@@ -296,6 +308,9 @@ fn verify_step(robot: &robot::Robot, request: &GaitRequest, gait: &gait::Gait, p
         c.landing_height_m[0],
         c.landing_height_m[1]
     );
+    if let Some(file) = plot {
+        draw_step(gait, points, &c, file)?;
+    }
     let b = gait_design::between_points(robot, request, gait, points);
     println!(
         "         between the points {}: stance toes slip {:.1e} m, swing toes {:.1e} m below the floor, joints {:.1e} rad from their polynomials, base out of balance by {:.2} N or N m; beyond limits: joints {:.1e} rad, {:.1e} rad/s, torque {:.2} N m, ground forces {:.2} N",
@@ -310,6 +325,41 @@ fn verify_step(robot: &robot::Robot, request: &GaitRequest, gait: &gait::Gait, p
         b.ground_force_n
     );
     Ok(follows && b.is_kept())
+}
+
+/// Draws a planned step beside its simulation.
+fn draw_step(
+    gait: &gait::Gait,
+    points: &[PlanPoint],
+    comparison: &gait_design::StepComparison,
+    file: &Path,
+) -> Result<()> {
+    let legs = comparison.stance_legs;
+    let planned: Vec<report::StepPoint> = points
+        .iter()
+        .map(|p| report::StepPoint {
+            time_s: p.phase * gait.step_duration_s,
+            joint_position_rad: std::array::from_fn(|j| p.q[6 + j]),
+            normal_force_n: legs.map(|leg| p.ground_force_n[leg][2]),
+        })
+        .collect();
+    let simulated: Vec<report::StepPoint> = comparison
+        .simulated
+        .iter()
+        .map(|p| report::StepPoint {
+            time_s: p.time_s,
+            joint_position_rad: p.joint_position_rad,
+            normal_force_n: p.normal_force_n,
+        })
+        .collect();
+    let step = report::PlannedStep { name: &gait.name, stance_legs: legs, planned: &planned, simulated: &simulated };
+    let png = report::planned_step(&step)?.to_png()?;
+    if let Some(folder) = file.parent() {
+        std::fs::create_dir_all(folder).with_context(|| format!("cannot make the folder {}", folder.display()))?;
+    }
+    std::fs::write(file, png).with_context(|| format!("cannot write {}", file.display()))?;
+    println!("         drawn: {}", file.display());
+    Ok(())
 }
 
 /// Writes the whole file or none of it.
