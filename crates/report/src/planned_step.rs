@@ -82,7 +82,7 @@ pub fn planned_step(step: &PlannedStep) -> Result<Image, ReportError> {
             &panels[LEGS],
             0.0..end,
             at_least(padded(all.flat_map(|p| p.normal_force_n)), 10.0),
-            Labels { title: "normal forces", x: "time (s)", y: "force (N)", ..Labels::default() },
+            Labels { x: "time (s)", y: "normal force (N)", ..Labels::default() },
         )?;
         for (place, colour) in FORCE_COLOURS.into_iter().enumerate() {
             let course = |points: &[StepPoint]| -> Vec<(f64, f64)> {
