@@ -25,7 +25,7 @@
 //! # Ok(()) }
 //! ```
 //!
-//! [`planned_step`] draws a plan's step beside its simulation.
+//! [`planned_step()`] draws a plan's step beside its simulation.
 //!
 //! [`page()`] makes one self-contained HTML page of one or more runs, with a scrubber and an animation of the robot.
 //!
