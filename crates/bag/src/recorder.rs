@@ -597,9 +597,9 @@ impl OpenFile {
         let file = File::options().write(true).create_new(true).open(&path).map_err(BagError::io(&path, "create"))?;
         let handle = file.try_clone().map_err(BagError::io(&path, "open twice"))?;
         let attributes = file.metadata().map_err(BagError::io(&path, "look at"))?;
-        let mcap = mcap::WriteOptions::new()
+        let writer = concat!("tandem bag ", env!("CARGO_PKG_VERSION"));
+        let mcap = mcap::WriteOptions::library(mcap::WriteOptions::new(), writer)
             .profile("ros2")
-            .library(concat!("tandem bag ", env!("CARGO_PKG_VERSION")))
             .compression(Some(mcap::Compression::Zstd))
             .compression_level(options.compression_level)
             .compression_threads(0)

@@ -15,9 +15,9 @@ use crate::recompose::{self, PlanPoint};
 use crate::request::GaitRequest;
 use crate::{
     Plan, PlanError, PlanOptions, Planner, Reference, SubproblemSolver, WarmStart, between_points, guess, leg_length_m,
-    not_converged, on_slope, program_of,
+    not_converged, on_slope, program_of, summary,
 };
-use gait::{Coefficients, JOINTS, SecondStep, SolverSummary, bezier};
+use gait::{Coefficients, JOINTS, SecondStep, bezier};
 use nlp::{Bounds, Evaluation, Iteration, Pattern, Problem, SqpSolver, Status};
 use rigid_body::{Data, last_point_kinematics, last_point_kinematics_derivatives, rnea, rnea_derivatives};
 use robot::Robot;
@@ -881,13 +881,7 @@ pub fn plan_full_order(
         return Err(not_converged(solution));
     }
     let t = solution.x[layout.t()];
-    let summary = SolverSummary {
-        status: solution.status.to_string(),
-        iterations: solution.iterations(),
-        solve_time_s: 0.0,
-        max_violation: solution.worst.amount,
-        objective: solution.objective,
-    };
+    let summary = summary(&solution);
     // What is planned of a step: its points, the joints' polynomials and the reference's.
     let step = |step: usize| {
         let points = program.plan_points(&solution.x, step);

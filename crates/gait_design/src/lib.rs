@@ -40,7 +40,7 @@ pub use stability::{Complex, Stability, stability};
 pub use verification::{BetweenPoints, SimulatedPoint, StepComparison, between_points, simulate_planned_step};
 
 use decomposition::Pairing;
-use gait::{Gait, GaitError};
+use gait::{Gait, GaitError, SolverSummary};
 use nlp::{Iteration, Settings, Solution, Status};
 use robot::Robot;
 use std::ops::ControlFlow;
@@ -185,6 +185,17 @@ pub fn on_slope(robot: &Robot, request: &GaitRequest) -> Robot {
     let ((up, level), (side, across)) = (request.slope_rad.sin_cos(), request.sideways_slope_rad.sin_cos());
     robot.model.gravity = nalgebra::Vector3::new(-up * across, 0.0 - side, -level * across) * gravity;
     robot
+}
+
+/// What a gait says of its solve. This crate reads no clock: the caller puts the time in.
+fn summary(solution: &Solution) -> SolverSummary {
+    SolverSummary {
+        status: solution.status.to_string(),
+        iterations: solution.iterations(),
+        solve_time_s: 0.0,
+        max_violation: solution.worst.amount,
+        objective: solution.objective,
+    }
 }
 
 fn not_converged(solution: Solution) -> PlanError {

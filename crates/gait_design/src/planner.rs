@@ -5,9 +5,8 @@ use crate::program::DecomposedProgram;
 use crate::request::GaitRequest;
 use crate::{
     Plan, PlanError, PlanOptions, ProgramSettings, Reference, SubproblemSolver, WarmStart, between_points, guess,
-    leg_length_m, not_converged, on_slope, plan_full_order, program, program_of, recompose,
+    leg_length_m, not_converged, on_slope, plan_full_order, program, program_of, recompose, summary,
 };
-use gait::SolverSummary;
 use nlp::{Iteration, Solution, SqpSolver, Status};
 use robot::Robot;
 use std::ops::ControlFlow;
@@ -57,13 +56,7 @@ impl Planner {
         let solution = self.solve(request, options, progress)?;
         let Prepared { robot, program, .. } = self.prepared.as_ref().expect("solving prepares");
         let points = recompose::points(robot, program, &solution.x, recompose::BALANCE_TOLERANCE)?;
-        let summary = SolverSummary {
-            status: solution.status.to_string(),
-            iterations: solution.iterations(),
-            solve_time_s: 0.0,
-            max_violation: solution.worst.amount,
-            objective: solution.objective,
-        };
+        let summary = summary(&solution);
         let (x, coefficients) = (&solution.x, recompose::coefficients(program, &solution.x));
         let mut gait = recompose::gait(robot, coefficients, x[program::layout::T], request, &points, summary, None)?;
         between_points(robot, request, &gait, &points).check(points.len())?;

@@ -155,7 +155,7 @@ pub fn run(arguments: &Arguments) -> Result<ExitCode> {
         if arguments.stability {
             if !plan.second_points.is_empty() {
                 bail!(
-                    "--stability is for gaits whose second step mirrors the first; {name} on a sideways slope is none"
+                    "--stability is for gaits whose second step mirrors the first; {name} on a sideways slope or with a rolled torso is none"
                 );
             }
             let on_slope = gait_design::on_slope(&robot, &request);
