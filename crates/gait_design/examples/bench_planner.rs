@@ -79,9 +79,11 @@ fn times(robot: &Robot) {
     let cold = mean_ms(robot, &PlanOptions::default(), ROUNDS);
     println!("cold_mean_ms = {cold:.3}");
 
-    let large = PlanOptions { subproblem: SubproblemSolver::Sparse, ..PlanOptions::default() };
-    let large_ms = mean_ms(robot, &large, 3);
+    let large = PlanOptions { subproblem: SubproblemSolver::Eliminated, ..PlanOptions::default() };
+    let large_ms = mean_ms(robot, &large, 5);
     println!("large_form_mean_ms = {large_ms:.2}");
+    let by_clarabel = PlanOptions { subproblem: SubproblemSolver::Sparse, ..PlanOptions::default() };
+    println!("large_form_by_clarabel_ms = {:.1}", mean_ms(robot, &by_clarabel, 1));
     // The program without the decomposition by the same general solver of the subproblems.
     let whole = |robot: &Robot, request: &GaitRequest, options: &PlanOptions| {
         plan_full_order(robot, request, options, |_| ControlFlow::Continue(()))
@@ -89,34 +91,40 @@ fn times(robot: &Robot) {
     };
     println!("full_order_ratio = {:.2}", mean_ms_by(robot, &large, 3, whole) / large_ms);
 
-    // 1,000 changes of speed by 0.1 m/s or of clearance by 2 cm, each from the solution before, back and forth over the range, all
-    // by one planner.
-    let mut request = GaitRequest::named("amble", robot).expect("a behaviour's own name");
-    let mut planner = Planner::new(robot);
-    let mut replan = |request: &GaitRequest, options: &PlanOptions| {
-        planner.plan(request, options, |_| ControlFlow::Continue(())).expect("the benchmark's requests have gaits")
-    };
-    let mut before = replan(&request, &PlanOptions::default());
-    let (mut faster, mut higher) = (true, true);
-    let (mut replans, mut iterations) = (Vec::new(), 0);
-    for number in 0..1000 {
-        if number % 2 == 0 {
-            faster = if request.speed_m_s > 0.45 { false } else { request.speed_m_s < 0.15 || faster };
-            request.speed_m_s += if faster { 0.1 } else { -0.1 };
-        } else {
-            higher = if request.clearance_m > 0.125 { false } else { request.clearance_m < 0.085 || higher };
-            request.clearance_m += if higher { 0.02 } else { -0.02 };
+    // 1,000 changes of speed by 0.1 m/s or of clearance by 2 cm, each from a gait somewhere in the range, so that no request comes twice.
+    // By one planner that remembers its gaits, and by one that starts from the gait before the change.
+    for (name, mut planner) in [("warm", Planner::with_memory(robot)), ("warm_from_last", Planner::new(robot))] {
+        let mut request = GaitRequest::named("amble", robot).expect("a behaviour's own name");
+        let mut between_0_and_1 = random();
+        let remembers = name == "warm";
+        let (mut times, mut iterations) = (Vec::new(), 0);
+        for number in 0..1000 {
+            request.speed_m_s = 0.1 + 0.4 * between_0_and_1();
+            request.clearance_m = 0.08 + 0.05 * between_0_and_1();
+            let mut replan = |request: &GaitRequest, options: &PlanOptions| {
+                planner
+                    .plan(request, options, |_| ControlFlow::Continue(()))
+                    .expect("the benchmark's requests have gaits")
+            };
+            let before = replan(&request, &PlanOptions::default());
+            let sign = if between_0_and_1() < 0.5 { -1.0 } else { 1.0 };
+            if number % 2 == 0 {
+                request.speed_m_s += 0.1 * sign;
+            } else {
+                request.clearance_m += 0.02 * sign;
+            }
+            let warm_start = (!remembers).then(|| before.warm_start.clone());
+            let options = PlanOptions { warm_start, ..PlanOptions::default() };
+            let start = Instant::now();
+            let plan = black_box(replan(black_box(&request), &options));
+            times.push(1e3 * start.elapsed().as_secs_f64());
+            iterations += plan.gait.solver.iterations;
         }
-        let options = PlanOptions { warm_start: Some(before.warm_start.clone()), ..PlanOptions::default() };
-        let start = Instant::now();
-        before = black_box(replan(black_box(&request), &options));
-        iterations += before.gait.solver.iterations;
-        replans.push(1e3 * start.elapsed().as_secs_f64());
+        let worst = times.iter().copied().fold(0.0, f64::max);
+        println!("{name}_median_ms = {:.3}", median(times));
+        println!("{name}_worst_ms = {worst:.3}");
+        println!("{name}_iterations_mean = {:.2}", f64::from(iterations) / 1000.0);
     }
-    let worst = replans.iter().copied().fold(0.0, f64::max);
-    println!("warm_median_ms = {:.3}", median(replans));
-    println!("warm_iterations_mean = {:.2}", f64::from(iterations) / 1000.0);
-    println!("warm_worst_ms = {worst:.3}");
 
     let amble = GaitRequest::named("amble", robot).expect("a behaviour's own name");
     let of_points = |points: usize| {
@@ -131,6 +139,15 @@ fn times(robot: &Robot) {
     };
     println!("points_81_over_11 = {:.2}", of_points(81) / of_points(11));
     parts(robot);
+}
+
+/// Numbers between 0 and 1, the same ones every time (Knuth's MMIX generator).
+fn random() -> impl FnMut() -> f64 {
+    let mut state = 1_u64;
+    move || {
+        state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+        (state >> 11) as f64 / (1_u64 << 53) as f64
+    }
 }
 
 /// Where the time of a solve goes: the median of each part, µs.

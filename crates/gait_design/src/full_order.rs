@@ -18,12 +18,14 @@ use crate::{
     not_converged, on_slope, program_of, summary,
 };
 use gait::{Coefficients, JOINTS, SecondStep, bezier};
-use nlp::{Bounds, Evaluation, Iteration, Pattern, Problem, SqpSolver, Status};
+use nlp::{Bounds, Evaluation, Iteration, NullSpace, Pattern, Problem, SqpSolver, Status, Workspace};
 use rigid_body::{Data, last_point_kinematics, last_point_kinematics_derivatives, rnea, rnea_derivatives};
 use robot::Robot;
 use std::ops::ControlFlow;
 
 const DOF: usize = 18;
+/// Room for the unknowns that meet once the equalities are eliminated.
+const SHARED: usize = 96;
 const COEFFICIENTS: usize = bezier::DEGREE + 1;
 /// Stance and swing legs of the first step; the second step's are their mirror images.
 const STANCE: [usize; 2] = [1, 2];
@@ -826,11 +828,12 @@ pub(crate) fn recomposed(full: &FullOrderProgram, program: &DecomposedProgram, x
     out
 }
 
-/// Plans by the full-order program, its subproblems by Clarabel, from the decomposed program's guess. On a sideways slope both steps
+/// Plans by the full-order program from the decomposed program's guess; its subproblems are solved by elimination ([`nlp::NullSpace`]),
+/// or by Clarabel if `options.subproblem` is [`SubproblemSolver::Sparse`]. On a sideways slope both steps
 /// of the stride are planned; there, and with the reference in the program, the start is the decomposed program's solution for
 /// the same request without that slope, if it has one.
 /// What is planned with such a start is checked between the points as well; the others, there to be compared, are not.
-/// `options.subproblem` and `options.warm_start` have no meaning here.
+/// `options.warm_start` has no meaning here.
 ///
 /// # Errors
 ///
@@ -876,7 +879,14 @@ pub fn plan_full_order(
             }
         }
     }
-    let solution = SqpSolver::new(options.solver.clone())?.solve(&mut program, &start, progress)?;
+    let solver = SqpSolver::new(options.solver.clone())?;
+    let solution = match options.subproblem {
+        SubproblemSolver::Sparse => solver.solve(&mut program, &start, progress)?,
+        SubproblemSolver::Eliminated | SubproblemSolver::Condensed => {
+            let mut subproblem = NullSpace::<SHARED>::new(options.solver.objective_scale);
+            solver.solve_with(&mut program, &mut subproblem, &start, &mut Workspace::default(), progress)?
+        }
+    };
     if solution.status != Status::Converged {
         return Err(not_converged(solution));
     }

@@ -15,6 +15,7 @@ mod condensed;
 mod full_order;
 mod guess;
 pub mod library;
+mod memory;
 mod nearest;
 mod planner;
 mod program;
@@ -77,12 +78,14 @@ pub enum Reference {
 #[derive(Clone, Debug, PartialEq)]
 pub struct WarmStart(Vec<f64>);
 
-/// How the program's convex subproblems are solved. Both give the same steps.
+/// How the program's convex subproblems are solved. All give the same steps.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum SubproblemSolver {
     /// By elimination of the program's structure ([`Condensed`]).
     #[default]
     Condensed,
+    /// By elimination of the equalities, without knowing what they mean ([`nlp::NullSpace`]).
+    Eliminated,
     /// By Clarabel, as one sparse program: the reference.
     Sparse,
 }

@@ -1,8 +1,7 @@
 //! The program's derivatives, and the five gaits of the paper's Table I.
 
 use super::*;
-use nlp::SqpSolver;
-use nlp::{Evaluation, Problem};
+use nlp::{Evaluation, NullSpace, Problem, SqpSolver, Workspace};
 use std::path::Path;
 
 pub(crate) fn vision60() -> Robot {
@@ -243,7 +242,7 @@ fn a_cancelled_plan_says_so() {
 }
 
 #[test]
-fn the_condensed_subproblem_walks_the_sparse_one_s_path_to_the_same_optimum() {
+fn every_subproblem_solver_walks_the_same_path_to_the_same_optimum() {
     let robot = vision60();
     for name in behaviours() {
         let request = GaitRequest::named(name, &robot).unwrap();
@@ -255,16 +254,27 @@ fn the_condensed_subproblem_walks_the_sparse_one_s_path_to_the_same_optimum() {
         );
         let start = guess::nominal(&robot, &mut program, &request).unwrap();
         let solver = SqpSolver::new(PlanOptions::default().solver).unwrap();
+        let mut workspace = Workspace::default();
         let sparse = solver.solve(&mut program, &start, go_on).unwrap();
-        let condensed = solver.solve_with(&mut program, &mut Condensed::default(), &start, go_on).unwrap();
-        assert_eq!(condensed.status, Status::Converged, "{name}");
-        assert!(sparse.iterations().abs_diff(condensed.iterations()) <= 1, "{name}");
-        assert!((sparse.objective - condensed.objective).abs() < 2e-8, "{name}");
-        // Extrapolation magnifies what Clarabel's tolerance leaves, so the paths are one only up to there.
-        let plain = condensed.log.iter().take_while(|i| !i.accelerated).count();
-        assert!(plain >= 3, "{name}");
-        for (a, b) in sparse.log.iter().zip(&condensed.log[..plain]) {
-            assert!((a.objective - b.objective).abs() < 1e-6, "{name}, iteration {}: {a:?}, {b:?}", a.number);
+        let condensed =
+            solver.solve_with(&mut program, &mut Condensed::default(), &start, &mut workspace, go_on).unwrap();
+        let mut null_space = NullSpace::<32>::new(1e3);
+        let eliminated = solver.solve_with(&mut program, &mut null_space, &start, &mut workspace, go_on).unwrap();
+        for (other, solution) in [("condensed", &condensed), ("eliminated", &eliminated)] {
+            assert_eq!(solution.status, Status::Converged, "{name}, {other}");
+            assert!(solution.multipliers.is_none(), "{name}, {other}: solved by Clarabel");
+            assert!(sparse.iterations().abs_diff(solution.iterations()) <= 1, "{name}, {other}");
+            assert!((sparse.objective - solution.objective).abs() < 2e-8, "{name}, {other}");
+            // Extrapolation magnifies what Clarabel's tolerance leaves, so the paths are one only up to there.
+            let plain = solution.log.iter().take_while(|i| !i.accelerated).count();
+            assert!(plain >= 3, "{name}, {other}");
+            for (a, b) in sparse.log.iter().zip(&solution.log[..plain]) {
+                assert!(
+                    (a.objective - b.objective).abs() < 1e-6,
+                    "{name}, {other}, iteration {}: {a:?}, {b:?}",
+                    a.number
+                );
+            }
         }
     }
 }
@@ -509,6 +519,39 @@ fn a_planner_s_gait_does_not_depend_on_the_requests_before() {
     planner.plan(&GaitRequest { height_m: 0.7, ..request.clone() }, &options, go_on).unwrap_err();
     planner.plan(&request, &options, |_| ControlFlow::Break(())).unwrap_err();
     assert_eq!(planner.plan(&request, &options, go_on).unwrap().gait.to_json(), before);
+}
+
+#[test]
+fn a_planner_that_remembers_takes_half_the_iterations_to_the_same_optimum() {
+    let robot = vision60();
+    let (mut forgetful, mut planner) = (Planner::new(&robot), Planner::with_memory(&robot));
+    let options = PlanOptions::default();
+    let mut request = GaitRequest::named("amble", &robot).unwrap();
+    let mut r = noise(3);
+    let (mut iterations, mut cold) = (0, 0);
+    for number in 0..60 {
+        request.speed_m_s = 0.3 + 0.2 * r();
+        request.clearance_m = 0.105 + 0.025 * r();
+        let remembered = planner.plan(&request, &options, go_on).unwrap();
+        let fresh = forgetful.plan(&request, &options, go_on).unwrap();
+        let (a, b) = (&remembered.gait.solver, &fresh.gait.solver);
+        // Each may be 1e-8 above the optimum.
+        assert!((a.objective - b.objective).abs() < 5e-8, "{request:?}: {} and {}", a.objective, b.objective);
+        if number >= 20 {
+            iterations += a.iterations;
+            cold += b.iterations;
+        }
+    }
+    println!("{iterations} iterations with memory, {cold} without");
+    assert!(2 * iterations <= cold + 8, "{iterations} iterations with memory, {cold} without");
+
+    // What is far from all that is remembered has a gait, too, and what has none is refused in the same words.
+    let far = GaitRequest { height_m: 0.45, ..GaitRequest::named("gait3", &robot).unwrap() };
+    let objective = planner.plan(&far, &options, go_on).unwrap().gait.solver.objective;
+    assert!((objective - forgetful.plan(&far, &options, go_on).unwrap().gait.solver.objective).abs() < 5e-8);
+    let weak = GaitRequest { torque_limit_nm: [5.0; 3], ..far };
+    let refusal = |planner: &mut Planner| planner.plan(&weak, &options, go_on).unwrap_err().to_string();
+    assert_eq!(refusal(&mut planner), refusal(&mut forgetful));
 }
 
 #[test]

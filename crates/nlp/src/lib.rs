@@ -7,14 +7,17 @@
 //! ```
 //!
 //! with sparse analytic first derivatives and a positive semidefinite approximation of the Hessian (Gauss–Newton, or exact
-//! where the objective is convex), and a sequential quadratic programming solver whose convex subproblems Clarabel solves.
+//! where the objective is convex), and a sequential quadratic programming solver. Its convex subproblems are solved by Clarabel, by
+//! elimination ([`NullSpace`]), or by whatever knows the problem's structure ([`Subproblem`]).
 //! This crate knows no robot: it names a constraint by asking the problem.
 
 mod arrow_qp;
+mod null_space;
 mod problem;
 mod qp;
 mod sqp;
 
 pub use arrow_qp::{ArrowQp, ArrowQpError, ArrowRow, DualActiveSet, Own};
+pub use null_space::NullSpace;
 pub use problem::{Bounds, Evaluation, Multipliers, Pattern, Problem, ProblemError, Step, Subproblem, SubproblemError};
-pub use sqp::{Iteration, Settings, SettingsError, Solution, SqpSolver, Status, Violation, most_broken};
+pub use sqp::{Iteration, Settings, SettingsError, Solution, SqpSolver, Status, Violation, Workspace, most_broken};

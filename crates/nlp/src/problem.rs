@@ -30,7 +30,7 @@ pub struct Bounds {
 }
 
 /// Values and derivatives at one point.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Default)]
 pub struct Evaluation {
     /// f(x).
     pub objective: f64,
@@ -143,14 +143,18 @@ pub enum ProblemError {
 impl Evaluation {
     /// Room for a problem's values.
     pub fn new(problem: &impl Problem) -> Self {
+        let mut evaluation = Self::default();
+        evaluation.fit(problem);
+        evaluation
+    }
+
+    /// Makes room for a problem's values.
+    pub(crate) fn fit(&mut self, problem: &impl Problem) {
         let bounds = problem.bounds();
-        Self {
-            objective: 0.0,
-            gradient: vec![0.0; bounds.variable_lower.len()],
-            constraints: vec![0.0; bounds.constraint_lower.len()],
-            jacobian: vec![0.0; problem.jacobian_pattern().len()],
-            hessian: vec![0.0; problem.hessian_pattern().len()],
-        }
+        self.gradient.resize(bounds.variable_lower.len(), 0.0);
+        self.constraints.resize(bounds.constraint_lower.len(), 0.0);
+        self.jacobian.resize(problem.jacobian_pattern().len(), 0.0);
+        self.hessian.resize(problem.hessian_pattern().len(), 0.0);
     }
 }
 

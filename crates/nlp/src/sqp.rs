@@ -132,6 +132,13 @@ pub struct SqpSolver {
     settings: Settings,
 }
 
+/// Memory of a solve, for the next one: its arrays are large enough that giving them back and asking for them anew shows.
+#[derive(Clone, Debug, Default)]
+pub struct Workspace {
+    at: Evaluation,
+    next: Evaluation,
+}
+
 /// Constraints named when a solve ends infeasible.
 const NAMED: usize = 5;
 /// Steps are extrapolated where the subproblem promises at most this, relative to max(1, |f|): further out the steps are not
@@ -168,7 +175,7 @@ impl SqpSolver {
     ) -> Result<Solution, ProblemError> {
         check(problem, start)?;
         let mut subproblem = Qp::new(problem, false, self.settings.objective_scale);
-        self.solve_with(problem, &mut subproblem, start, progress)
+        self.solve_with(problem, &mut subproblem, start, &mut Workspace::default(), progress)
     }
 
     /// [`Self::solve`] with a solver of the subproblems that knows the problem's structure. Where it finds no step, Clarabel
@@ -178,27 +185,29 @@ impl SqpSolver {
         problem: &mut P,
         subproblem: &mut impl Subproblem<P>,
         start: &[f64],
+        workspace: &mut Workspace,
         mut progress: impl FnMut(&Iteration) -> ControlFlow<()>,
     ) -> Result<Solution, ProblemError> {
         check(problem, start)?;
+        let Workspace { at, next } = workspace;
+        at.fit(problem);
+        next.fit(problem);
         let bounds = problem.bounds().clone();
         let (n, m) = (bounds.variable_lower.len(), bounds.constraint_lower.len());
         let mut x: Vec<f64> =
             (0..n).map(|i| start[i].clamp(bounds.variable_lower[i], bounds.variable_upper[i])).collect();
-        let mut at = Evaluation::new(problem);
-        problem.evaluate(&x, &mut at);
+        problem.evaluate(&x, at);
         let mut elastic: Option<Qp> = None;
         let mut elastic_price = 10.0_f64;
         // Without multipliers one price serves all constraints, each measured by the change of an unknown that mends it:
         // newtons and metres as they come would let the rounding of a force outweigh a toe's height.
-        let unit = units(problem, &at, m);
+        let unit = units(problem, at, m);
         let mut common_price = 0.0_f64;
         let mut prices = vec![0.0; m];
         let mut multipliers: Option<Multipliers> = None;
         let mut log: Vec<Iteration> = Vec::new();
         let mut trial = vec![0.0; n];
         let mut trial_constraints = vec![0.0; m];
-        let mut next = at.clone();
         let mut past = Acceleration::default();
         let violation = |g: &[f64], i: usize| outside(g[i], bounds.constraint_lower[i], bounds.constraint_upper[i]);
 
@@ -207,14 +216,14 @@ impl SqpSolver {
                 break Status::NumericalTrouble { reason: "a value or derivative is not a number".into() };
             }
             let max_violation = (0..m).map(|i| violation(&at.constraints, i)).fold(0.0, f64::max);
-            let (step, relaxed) = match subproblem.solve(problem, &x, &at, &at.constraints) {
+            let (step, relaxed) = match subproblem.solve(problem, &x, at, &at.constraints) {
                 Ok(step) => (step, false),
                 // Clarabel proves infeasibility of a nearly infeasible subproblem only slowly; the elastic variant,
                 // which always has a solution, decides in both cases.
                 Err(SubproblemError::Infeasible | SubproblemError::Stopped(_)) => {
                     let qp = elastic.get_or_insert_with(|| Qp::new(problem, true, 1.0));
                     qp.price = elastic_price;
-                    match qp.solve(problem, &x, &at, &at.constraints) {
+                    match qp.solve(problem, &x, at, &at.constraints) {
                         Ok(step) => (step, true),
                         Err(e) => {
                             break Status::NumericalTrouble { reason: format!("the subproblem found no step: {e}") };
@@ -222,7 +231,7 @@ impl SqpSolver {
                     }
                 }
             };
-            let stationarity = step.multipliers.as_ref().map(|m| stationarity(problem, &at, m));
+            let stationarity = step.multipliers.as_ref().map(|m| stationarity(problem, at, m));
             if let (Some(m), false) = (&step.multipliers, relaxed) {
                 // Well above the multipliers, so that nothing is broken that need not be. (Those of a relaxed subproblem
                 // are the price itself.)
@@ -230,7 +239,7 @@ impl SqpSolver {
             }
             multipliers.clone_from(&step.multipliers);
             let slope: f64 = at.gradient.iter().zip(&step.step).map(|(g, p)| g * p).sum();
-            let curvature = bilinear(problem, &at, &step.step, &step.step);
+            let curvature = bilinear(problem, at, &step.step, &step.step);
             let mut iteration = Iteration {
                 number: log.len() as u32 + 1,
                 objective: at.objective,
@@ -276,7 +285,7 @@ impl SqpSolver {
             let broken_here: f64 = (0..m).map(|i| prices[i] * violation(&at.constraints, i)).sum();
             // A subproblem that was not relaxed has satisfied the linear model.
             let broken_there = if relaxed {
-                let linearised = linearised(problem, &at, &step.step);
+                let linearised = linearised(problem, at, &step.step);
                 (0..m).map(|i| prices[i] * violation(&linearised, i)).sum()
             } else {
                 0.0
@@ -289,7 +298,7 @@ impl SqpSolver {
                 None
             } else {
                 let tail = iteration.predicted_decrease.abs() <= TAIL * scale;
-                past.extrapolate(problem, &at, &x, &step.step).filter(|_| tail)
+                past.extrapolate(problem, at, &x, &step.step).filter(|_| tail)
             };
             // The extrapolated point and the full step, one of which is nearly always taken, with their derivatives.
             let put = |trial: &mut Vec<f64>, i: usize, value: f64| {
@@ -299,7 +308,7 @@ impl SqpSolver {
                 for i in 0..n {
                     put(&mut trial, i, target[i]);
                 }
-                problem.evaluate(&trial, &mut next);
+                problem.evaluate(&trial, next);
                 iteration.accelerated = merit(next.objective, &next.constraints) <= merit_here + 1e-4 * descent;
             }
             // The last term forgives rounding where the merit function cannot resolve the step any more.
@@ -312,16 +321,16 @@ impl SqpSolver {
                 for i in 0..n {
                     put(&mut trial, i, x[i] + step.step[i]);
                 }
-                problem.evaluate(&trial, &mut next);
+                problem.evaluate(&trial, next);
                 accepted = enough(1.0, merit(next.objective, &next.constraints));
             }
             if !accepted {
                 let there = next.constraints.clone();
-                problem.evaluate(&x, &mut at);
+                problem.evaluate(&x, at);
                 let corrected = if relaxed {
                     None
                 } else {
-                    self.second_order_correction(problem, subproblem, &x, &at, &step, &there)
+                    self.second_order_correction(problem, subproblem, &x, at, &step, &there)
                 };
                 if let Some(p) = corrected {
                     for i in 0..n {
@@ -339,7 +348,7 @@ impl SqpSolver {
                     accepted = enough(length, merit(objective, &trial_constraints));
                 }
                 if accepted {
-                    problem.evaluate(&trial, &mut next);
+                    problem.evaluate(&trial, next);
                 }
             }
             iteration.step_length = if accepted { length } else { 0.0 };
@@ -353,7 +362,7 @@ impl SqpSolver {
                 break if feasible {
                     Status::NumericalTrouble { reason: "no step improves the point".into() }
                 } else if relaxed {
-                    Status::Infeasible { fighting: self.broken(problem, &at) }
+                    Status::Infeasible { fighting: self.broken(problem, at) }
                 } else {
                     Status::NumericalTrouble {
                         reason: "the line search found no step that brings the constraints nearer".into(),
@@ -361,9 +370,9 @@ impl SqpSolver {
                 };
             }
             x.copy_from_slice(&trial);
-            std::mem::swap(&mut at, &mut next);
+            std::mem::swap(at, next);
         };
-        let worst = worst(problem, &at);
+        let worst = worst(problem, at);
         Ok(Solution { status, x, objective: at.objective, worst, multipliers, log })
     }
 
