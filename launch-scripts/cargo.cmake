@@ -8,11 +8,11 @@ function(tandem_in_the_index)
 endfunction()
 
 # A program of this package. All programs are built at once, because cargo shares their dependencies; whoever comes second
-# finds nothing left to do.
+# finds nothing left to do. The examples go with them as for the tests, which otherwise would build the dependencies once more.
 function(tandem_program program)
   add_custom_target(${program} ALL
     COMMAND "${TANDEM_ROOT}/launch-scripts/setup"
-    COMMAND cargo build --workspace --release --locked --bins --target-dir "${TANDEM_ROOT}/target"
+    COMMAND cargo build --workspace --release --locked --bins --examples --target-dir "${TANDEM_ROOT}/target"
     WORKING_DIRECTORY "${TANDEM_ROOT}" USES_TERMINAL VERBATIM)
   install(PROGRAMS "${TANDEM_ROOT}/target/release/${program}" DESTINATION "lib/${PROJECT_NAME}")
   # The programs look for MuJoCo's library one folder above their own.

@@ -166,7 +166,7 @@ messages! { "tandem_msgs";
     }
     /// What gait to plan. Empty: the behaviour's or the robot's own value; at most one of the three rates.
     GenerateGaitRequest {
-        /// gait1, gait2, gait3, gait4, amble, or another name in the planner's library.
+        /// gait1, gait2, gait3, gait4 or amble.
         behaviour: String,
         /// Duration of one step (half a stride), s.
         step_duration_s: Optional<f64>,
@@ -176,18 +176,33 @@ messages! { "tandem_msgs";
         stride_frequency_hz: Optional<f64>,
         /// Height of the swing toes at mid-step, m.
         clearance_m: Optional<f64>,
-        /// Forward speed, m/s.
+        /// Forward speed, m/s; negative is backward.
         speed_m_s: Optional<f64>,
         /// Height of the hip axes above the toe centres, m.
         height_m: Optional<f64>,
         /// Lateral distance of the toes from the centre line, m.
         half_width_m: Optional<f64>,
+        /// Slope of the ground along the walk, rad; positive is uphill.
+        slope_rad: Optional<f64>,
+        /// Slope of the ground across the walk, rad; positive rises to the left.
+        sideways_slope_rad: Optional<f64>,
+        /// Pitch that the torso is held at, rad; positive lowers its nose.
+        torso_pitch_rad: Optional<f64>,
+        /// Roll that the torso is held at, rad; positive lowers its right side.
+        torso_roll_rad: Optional<f64>,
+        /// Friction coefficient that the plan may use.
+        friction: Optional<f64>,
+        /// Torque bounds of hip roll, hip pitch and knee on every leg, Nm; three entries or none.
+        torque_limit_nm: Vec<f64>,
+        /// What the tracking law follows: `compensated` (also when empty), `planned_joints` or `in_program`.
+        reference: String,
     }
     /// The plan, or why there is none.
     GenerateGaitResponse {
         /// The gait is valid.
         success: bool,
-        /// `converged`, `invalid_request`, `inactive`, `busy`, or the solver's own word.
+        /// `converged`, `invalid_request`, `unreachable`, `unverified`, `unwalkable`, `time limit`, `cancelled`, `inactive`, `busy`,
+        /// `internal_error`, or the solver's own word.
         status: String,
         /// For people: what was wrong, which constraint binds, the nearest value that would do.
         message: String,

@@ -112,9 +112,11 @@ class Client:
         except rclpy.executors.ExternalShutdownException:
             pass
 
-    def service(self, type_, name, seconds=40):
-        """A client of a service that is there."""
-        client = self.node.create_client(type_, name)
+    def service(self, type_, name, seconds=40, depth=10):
+        """A client of a service that is there. `depth`: answers that it keeps, its own and those to the service's other clients."""
+        from rclpy.qos import QoSProfile
+
+        client = self.node.create_client(type_, name, qos_profile=QoSProfile(depth=depth))
         assert client.wait_for_service(seconds), f"service {name} did not appear within {seconds} s"
         time.sleep(0.1)
         return client

@@ -1,19 +1,19 @@
 """Clients that misbehave, while a robot walks on the wall clock: nodes stay up, say what they refuse, and the control loop does not
-notice. The long version: TANDEM_ABUSE_CYCLES=200 TANDEM_ABUSE_SECONDS=60 launch-scripts/test ros2 -s -k abuse"""
+notice. The long version: TANDEM_ABUSE_CYCLES=200 TANDEM_ABUSE_SECONDS=60 launch-scripts/test ros2 -s -k walking_robot"""
 
+import json
 import math
 import os
 import signal
 import subprocess
 import sys
-import threading
 import time
 
 import pytest
-from conftest import Client, wait_until
+from conftest import DOMAIN, ROOT, wait_until
 from test_walk import JOINTS, Robot, best_effort
 
-CYCLES = int(os.environ.get("TANDEM_ABUSE_CYCLES", "30"))
+CYCLES = int(os.environ.get("TANDEM_ABUSE_CYCLES", "8"))
 SECONDS = float(os.environ.get("TANDEM_ABUSE_SECONDS", "4"))
 # Physics at a third of the wall clock's pace leaves the machine room for the abuse; the control loop runs at its full 1 kHz.
 PACE = "real_time_factor:=0.33"
@@ -51,9 +51,57 @@ for number in range(int(sys.argv[1])):
 """
 
 
+# Four clients that ask without pause, three calls at a time, until their standard input ends. They keep more answers than rclpy's ten,
+# because each receives those to all of them (docs/ros2.md).
+FLOOD = """
+import json, sys, threading, time
+sys.path.insert(0, "tests/ros2")
+import rclpy
+from conftest import Client, wait_until
+from std_srvs.srv import Trigger
+from tandem_msgs.srv import GenerateGait
+rclpy.init()
+clients = [Client(f"flood_{number}") for number in range(4)]
+services = [(client.service(Trigger, "/abused/arm", depth=1000), client.service(GenerateGait, "/abused/generate_gait", depth=1000))
+            for client in clients]
+print("ready", flush=True)
+sys.stdin.readline()
+go_on, results = threading.Event(), [None] * 4
+go_on.set()
+def flood(number):
+    (arm, plan), asked, answered, slowest, failure = services[number], 0, 0, 0.0, None
+    try:
+        while go_on.is_set():
+            began = time.monotonic()
+            futures = [arm.call_async(Trigger.Request()), arm.call_async(Trigger.Request()),
+                       plan.call_async(GenerateGait.Request(behaviour="moonwalk"))]
+            asked += len(futures)
+            wait_until(lambda: all(future.done() for future in futures), 30, "every call is answered")
+            # It is armed already; nobody has heard of that gait.
+            answered += sum(future.result().success == (future is not futures[2]) for future in futures)
+            slowest = max(slowest, time.monotonic() - began)
+    except BaseException as error:
+        failure = repr(error)
+    results[number] = dict(asked=asked, answered=answered, slowest_s=slowest, failure=failure)
+threads = [threading.Thread(target=flood, args=[number]) for number in range(4)]
+for thread in threads:
+    thread.start()
+sys.stdin.read()
+go_on.clear()
+for thread in threads:
+    thread.join()
+print(json.dumps(results), flush=True)
+"""
+
+# Every topic that a node of the robot listens to.
+INPUTS = ["joint_states", "joint_command", "imu", "gait", "emergency_stop", "odom", "push",
+          *(f"ground_force/{leg}" for leg in ("front_left", "rear_left", "front_right", "rear_right"))]  # fmt: skip
+
+
 @pytest.fixture(scope="module")
 def robot(processes, ros):
-    robot = Robot(processes, ros, "/abused", parameters=[PACE], mode="realtime")
+    # The simulation is an ordinary process among the abusers' and waits its turn; that it is late is not what is tested here.
+    robot = Robot(processes, ros, "/abused", parameters=[PACE], controller=["state_timeout_s:=1.0"], mode="realtime")
     yield robot
     robot.watching = False
     robot.watcher.join()
@@ -87,15 +135,31 @@ def resident_kb(process):
     raise AssertionError("no VmRSS")
 
 
-def share_missed(earlier, later):
-    cycles = int(later["cycles"]) - int(earlier["cycles"])
-    return (int(later["missed_cycles"]) - int(earlier["missed_cycles"])) / max(cycles, 1)
+class Stretch:
+    """What the control loop said of itself, second by second, over a stretch of time."""
+
+    def __init__(self, figures):
+        self.cycles = int(figures[-1]["cycles"]) - int(figures[0]["cycles"])
+        self.missed = int(figures[-1]["missed_cycles"]) - int(figures[0]["missed_cycles"])
+        # The first report tells of the second before.
+        column = lambda key: sorted(float(second[key]) for second in figures[1:])
+        self.latency_median_us = column("recent_latency_median_us")[(len(figures) - 1) // 2]
+        self.latency_p99_us = column("recent_latency_p99_us")
+        self.latency_max_us = column("recent_latency_max_us")[-1]
+        self.compute_p99_us = column("recent_compute_p99_us")
+
+    def __str__(self):
+        worst, middle = self.latency_p99_us[-1], self.latency_p99_us[len(self.latency_p99_us) // 2]
+        return (
+            f"{self.missed} of {self.cycles} cycles missed; lateness of wakes: median {self.latency_median_us:.0f} us, p99 of a second {middle:.0f} us, "
+            f"of the worst second {worst:.0f} us, max {self.latency_max_us:.0f} us; computing, p99 of the worst second {self.compute_p99_us[-1]:.0f} us"
+        )
+
+    def share_missed(self):
+        return self.missed / self.cycles
 
 
 def test_a_walking_robot_does_not_notice(robot, loop, processes):
-    from std_srvs.srv import Trigger
-    from tandem_msgs.srv import GenerateGait
-
     assert robot.generate(behaviour="gait1").success
     wait_until(lambda: 'gait "gait1"' in robot.nodes[1].text(), 10, "the controller has the gait")
     robot.pause(False)
@@ -104,93 +168,78 @@ def test_a_walking_robot_does_not_notice(robot, loop, processes):
     robot.wait(lambda: robot.mode() == "walking", 90, "walking")
 
     # How it is without abuse.
-    calm = loop[-1]
-    wait_until(lambda: len(loop) > 1 and int(loop[-1]["cycles"]) >= int(calm["cycles"]) + 3000, 30, "3 s of calm")
-    calm_share = share_missed(calm, loop[-1])
+    first = len(loop)
+    robot.wait(lambda: len(loop) >= first + 1 + max(3, SECONDS / 2), 40 + SECONDS, "some seconds of calm")
+    calm = Stretch(loop[first:])
 
-    # One subscriber stalls, one is killed, a stranger sends garbage of another type on every input.
     helpers = []
 
-    def subscriber(name):
-        process = subprocess.Popen([sys.executable, "-c", SUBSCRIBER, name], stdout=subprocess.PIPE, text=True)
+    def helper(script, *arguments, **streams):
+        # The abusers share two cores with the physics; they are to abuse the robot, not to starve its world.
+        command = ["nice", "-n", "3", sys.executable, "-c", script, *map(str, arguments)]
+        environment = {**os.environ, "TANDEM_TEST_DOMAIN": str(DOMAIN)}
+        process = subprocess.Popen(command, stdout=subprocess.PIPE, text=True, cwd=ROOT, env=environment, **streams)
         helpers.append(process)
-        assert process.stdout.readline() == "ready\n"
         return process
 
-    stalled, killed = subscriber("stalled"), subscriber("killed")
-    inputs = ["joint_states", "joint_command", "imu", "gait", "emergency_stop", "odom", "push", "ground_force/front_left"]
-    intruder = processes("examples/intruder", *(f"/abused/{topic}" for topic in inputs), "/tf")
-    wait_until(lambda: "ready" in intruder.text(), 20, "the intruder sends")
-    time.sleep(1)
-    stalled.send_signal(signal.SIGSTOP)
-    killed.send_signal(signal.SIGKILL)
-    before = {"figures": loop[-1], "kb": [resident_kb(node) for node in robot.nodes], "states": len(robot.states)}
+    try:
+        # One subscriber stalls, one is killed, a stranger sends garbage of another type on every input.
+        stalled, killed = helper(SUBSCRIBER, "stalled"), helper(SUBSCRIBER, "killed")
+        for subscriber in (stalled, killed):
+            assert subscriber.stdout.readline() == "ready\n"
+        intruder = processes("examples/intruder", *(f"/abused/{topic}" for topic in INPUTS), "/tf")
+        wait_until(lambda: "ready" in intruder.text(), 20, "the intruder sends")
+        flood = helper(FLOOD, stdin=subprocess.PIPE)
+        assert flood.stdout.readline() == "ready\n"
+        stalled.send_signal(signal.SIGSTOP)
+        killed.send_signal(signal.SIGKILL)
+        first, states = len(loop), len(robot.states)
+        before = [resident_kb(node) for node in robot.nodes]
 
-    # Clients flood the services while others come and go.
-    visitor = subprocess.Popen([sys.executable, "-c", VISITOR, str(CYCLES)], stdout=subprocess.PIPE, text=True)
-    helpers.append(visitor)
-    flooding, asked, answered, failures = threading.Event(), [0] * 4, [0] * 4, []
-    flooding.set()
-
-    def flood(number):
-        try:
-            client = Client(f"flood_{number}")
-            arm = client.service(Trigger, "/abused/arm")
-            plan = client.service(GenerateGait, "/abused/generate_gait")
-            while flooding.is_set():
-                # rclpy keeps ten answers, and every client of a service gets those of all: eight at once is what four can ask.
-                futures = [arm.call_async(Trigger.Request()) for _ in range(2)]
-                futures.append(plan.call_async(GenerateGait.Request(behaviour="moonwalk")))
-                asked[number] += len(futures)
-                wait_until(lambda: all(future.done() for future in futures), 30, lambda: f"flood {number}: {sum(f.done() for f in futures)} of {len(futures)}")
-                answered[number] += sum(not future.result().success for future in futures)
-            client.close()
-        except BaseException as failure:  # a thread's failure is the test's
-            failures.append(failure)
-
-    threads = [threading.Thread(target=flood, args=[number]) for number in range(4)]
-    began = time.monotonic()
-    for thread in threads:
-        thread.start()
-    half = None
-    while time.monotonic() < began + SECONDS or visitor.poll() is None:
-        robot.check()
-        assert robot.mode() == "walking", robot.states[-1]
-        done = time.monotonic() >= began + 0.5 * SECONDS
-        half = half or ([resident_kb(node) for node in robot.nodes] if done else None)
-        assert time.monotonic() < began + SECONDS + 3 * CYCLES, "the visitors do not come to an end"
-        time.sleep(0.05)
-    flooding.clear()
-    for thread in threads:
-        thread.join()
-    took = time.monotonic() - began
-    assert not failures, failures
-    assert visitor.returncode == 0 and len(visitor.stdout.read().split()) == CYCLES
-    assert answered == asked and min(asked) > 0, "every call is answered, with a refusal"
-    after = loop[-1]
-    abused_share = share_missed(before["figures"], after)
-    kb = [resident_kb(node) for node in robot.nodes]
-    for process in helpers:
-        if process.poll() is None:
-            process.send_signal(signal.SIGKILL)
-        process.wait()
+        # Clients flood the services while others come and go.
+        flood.stdin.write("go\n")
+        flood.stdin.flush()
+        visitor = helper(VISITOR, CYCLES)
+        began, half, visits = time.monotonic(), None, []
+        while time.monotonic() < began + SECONDS or visitor.poll() is None:
+            robot.check()
+            assert robot.mode() == "walking", robot.states[-1]
+            if half is None and time.monotonic() >= began + 0.5 * SECONDS:
+                half = [resident_kb(node) for node in robot.nodes]
+            if CYCLES >= 100 and len(visits) < (time.monotonic() - began) / 10:
+                visits.append([resident_kb(node) for node in robot.nodes])
+                print(f"after {time.monotonic() - began:.0f} s: resident kB {visits[-1]}", flush=True)
+            assert time.monotonic() < began + 60 + SECONDS + 10 * CYCLES, "the visitors do not come to an end"
+            time.sleep(0.05)
+        said, _ = flood.communicate(timeout=60)
+        took = time.monotonic() - began
+        assert visitor.returncode == 0 and len(visitor.stdout.read().split()) == CYCLES
+        after = [resident_kb(node) for node in robot.nodes]
+        robot.wait(lambda: len(loop) >= first + 3, 10, "the loop's figures")
+        abused = Stretch(loop[first:])
+    finally:
+        for process in helpers:
+            if process.poll() is None:
+                process.kill()
+            process.wait()
+    clients = json.loads(said)
+    calls, seen = sum(client["asked"] for client in clients), robot.states[states:]
     print(
-        f"{sum(asked)} calls of 4 clients in {took:.1f} s all answered; {CYCLES} visits; missed cycles {100 * calm_share:.3f} % before, "
-        f"{100 * abused_share:.3f} % during; wake-up latency p99 {after['latency_p99_us']} us, max {after['latency_max_us']} us; "
-        f"computing p99 {after['compute_p99_us']} us; resident kB {before['kb']} -> {half} -> {kb}"
+        f"{calls} calls of {len(clients)} clients in {took:.1f} s, slowest answer {max(client['slowest_s'] for client in clients):.2f} s; {CYCLES} visits\n"
+        f"without abuse: {calm}\nwith abuse: {abused}\nresident kB {before} -> {half} -> {after}"
     )
-    assert abused_share <= calm_share + 0.005
-    assert float(after["compute_p99_us"]) < 500
+    assert [client["failure"] for client in clients] == [None] * 4
+    assert all(client["answered"] == client["asked"] > 0 for client in clients), f"every call is answered as it must be: {clients}"
+    assert abused.share_missed() <= calm.share_missed() + 0.005
+    assert abused.compute_p99_us[-1] < 500
     # A visit may leave something until its lease ends; it must not be much.
-    assert all(later - earlier < 4096 + 100 * CYCLES for earlier, later in zip(before["kb"], kb, strict=True)), (before["kb"], kb)
+    assert all(later - earlier < 6144 + 100 * CYCLES for earlier, later in zip(before, after, strict=True)), (before, after)
     # It walked on, was seen to, and nothing of the garbage was taken for a message.
-    assert {state.mode for state in robot.states[before["states"] :]} == {"walking"}
-    assert len(robot.states) - before["states"] > 20 * took
-    said = robot.nodes[1].text()
-    for topic in ("joint_states", "imu", "gait", "emergency_stop"):
-        assert f"/abused/{topic}: a publisher sends std_msgs::msg::dds_::String_" in said, topic
-    for topic in ("joint_command", "push"):
-        assert f"/abused/{topic}: a publisher sends std_msgs::msg::dds_::String_" in robot.nodes[2].text(), topic
+    assert {state.mode for state in seen} == {"walking"} and len(seen) > 20 * took
+    logs = {1: ("joint_states", "imu", "gait", "emergency_stop"), 2: ("joint_command", "push")}
+    for node, topics in logs.items():
+        for topic in topics:
+            assert f"/abused/{topic}: a publisher sends std_msgs::msg::dds_::String_" in robot.nodes[node].text(), topic
     intruder.stop()
     robot.trigger("stop")
     robot.wait(lambda: robot.mode() == "standing", 60, "standing")

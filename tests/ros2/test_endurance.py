@@ -7,7 +7,7 @@ from test_abuse import resident_kb
 from test_walk import Robot, upright
 
 SECONDS = float(os.environ.get("TANDEM_ENDURANCE_S", "20"))
-SAMPLES = 20
+SAMPLES = max(20, round(SECONDS / 60))
 
 
 def slope_kb_per_hour(samples):
@@ -46,6 +46,8 @@ def test_endurance(processes, ros):
         if simulated >= len(samples[0]) * SECONDS / SAMPLES:
             for node, sample in zip(robot.nodes, samples, strict=True):
                 sample.append((simulated, resident_kb(node)))
+            if SECONDS >= 600:
+                print(f"{simulated:.0f} simulated s in {time.monotonic() - began:.0f} s: resident kB {[sample[-1][1] for sample in samples]}", flush=True)
         robot.check()
         assert robot.mode() == "walking" and upright(robot.odometry[-1]), f"after {simulated:.1f} s: {robot.states[-1]}"
         for kept in (robot.states, robot.odometry, robot.torques):

@@ -7,7 +7,7 @@ import sys
 import types
 
 import pytest
-from conftest import ROOT, Process, wait_until
+from conftest import ROOT, TARGET, Process, wait_until
 
 PROGRAMS = {
     "tandem_planner": "tandem_planner",
@@ -84,6 +84,110 @@ def test_installed_nodes_find_their_files_and_libraries_from_anywhere(prefix, cl
             process.stop()
 
 
+@pytest.fixture
+def launched(prefix, tmp_path, monkeypatch):
+    """Starts one of the installed launch files with ROS 2's launch system (launch, launch_ros), which is on no registry: where it is not
+    on the Python path, TANDEM_LAUNCH_PATH says where it is."""
+    path = os.environ.get("TANDEM_LAUNCH_PATH", "")
+    found = subprocess.run(
+        [sys.executable, "-c", "import launch"], env={**os.environ, "PYTHONPATH": path}, capture_output=True
+    )
+    if found.returncode:
+        pytest.skip("ROS 2's launch system is not here; TANDEM_LAUNCH_PATH may say where its sources are")
+    monkeypatch.setenv("PYTHONPATH", path)
+    monkeypatch.setenv("AMENT_PREFIX_PATH", f"{prefix}:{sys.prefix}")
+    monkeypatch.setenv("ROS_LOG_DIR", str(tmp_path / "log"))
+    started = []
+
+    def start(name, *arguments):
+        file = prefix / "share/tandem/launch" / f"{name}.launch.py"
+        command = [ROOT / "tests/ros2/launched.py", file, *arguments]
+        started.append(Process(sys.executable, command, tmp_path / f"{name}.log"))
+        return started[-1]
+
+    yield start
+    for process in started:
+        process.stop(seconds=20)
+
+
+def names_in(client, namespace):
+    return {name for name, where in client.node.get_node_names_and_namespaces() if where == namespace}
+
+
+def values_of(client, node, names):
+    from rcl_interfaces.srv import GetParameters
+    from rclpy.parameter import parameter_value_to_python
+
+    get = client.service(GetParameters, f"{node}/get_parameters")
+    values = client.call(get, GetParameters.Request(names=list(names))).values
+    return dict(zip(names, map(parameter_value_to_python, values), strict=True))
+
+
+def test_ros_2_launches_the_simulation(client, launched):
+    from sensor_msgs.msg import JointState
+    from test_walk import best_effort
+
+    process = launched("simulation", "namespace:=sim", "terrain:=rough", "initial_posture:=stand")
+    heard = []
+    client.node.create_subscription(JointState, "/sim/joint_states", heard.append, best_effort(1))
+    wait_until(lambda: heard, 40, process.text)
+    wait_until(lambda: names_in(client, "/sim") >= {"planner", "controller", "sim_bridge"}, 20, process.text)
+    expected = {"mode": "realtime", "terrain": "rough", "initial_posture": "stand"}
+    assert values_of(client, "/sim/sim_bridge", expected) == expected
+    assert process.stop(seconds=20) == 0, process.text()
+    assert process.text().count("process has finished cleanly") == 3, process.text()
+
+
+def test_ros_2_launches_the_planner_alone(client, launched):
+    from tandem_msgs.srv import GenerateGait
+
+    process = launched("planner", "namespace:=far")
+    plan = client.service(GenerateGait, "/far/generate_gait")
+    assert client.call(plan, GenerateGait.Request(behaviour="amble")).success, process.text()
+
+
+def test_ros_2_launches_the_hardware(client, launched):
+    from lifecycle_msgs.srv import ChangeState, GetState
+
+    process = launched("hardware", "namespace:=real", "autostart:=false", "core:=1")
+    wait_until(lambda: names_in(client, "/real") >= {"planner", "controller"}, 40, process.text)
+    expected = {
+        "backend": "can", "core": 1, "autostart": False, "emergency_stop_heartbeat_s": 0.5, "robot": "config/robots/vision60",
+        "bus_file": "config/hardware/vision60_can.toml",
+    }  # fmt: skip
+    assert values_of(client, "/real/controller", expected) == expected
+    state = client.service(GetState, "/real/controller/get_state")
+    assert client.call(state, GetState.Request()).current_state.label == "unconfigured"
+    if not os.path.exists("/sys/class/net/can0"):
+        # Without the robot's buses it stays where it is, and says which one it misses.
+        change = client.service(ChangeState, "/real/controller/change_state")
+        request = ChangeState.Request()
+        request.transition.id = 1
+        assert not client.call(change, request).success
+        assert client.call(state, GetState.Request()).current_state.label == "unconfigured"
+        wait_until(lambda: "can0" in process.text(), 5, process.text)
+    alone = launched("hardware", "namespace:=alone", "autostart:=false", "planner:=false")
+    wait_until(lambda: names_in(client, "/alone") >= {"controller"}, 40, alone.text)
+    assert "tandem_planner" not in alone.text()
+
+
+def test_ros_2_launches_a_replay(client, launched, tmp_path):
+    from test_walk import best_effort
+    from sensor_msgs.msg import JointState
+
+    tandem = TARGET / "tandem"
+    subprocess.run([tandem, "plan", "gait1", "-o", tmp_path / "gait1.json"], check=True, capture_output=True, cwd=ROOT)
+    command = [tandem, "simulate", tmp_path / "gait1.json", "--seconds", "10", "--bag", tmp_path / "run"]
+    subprocess.run(command, check=True, capture_output=True, cwd=ROOT)
+    heard = []
+    client.node.create_subscription(JointState, "/joint_states", heard.append, best_effort(10))
+    process = launched("replay", f"bag:={tmp_path / 'run'}", "rate:=2.0")
+    wait_until(lambda: len(heard) > 100, 30, process.text)
+    assert len(heard[-1].name) == 12 and len(heard[-1].position) == 12
+    wait_until(lambda: not process.alive(), 30, process.text)
+    assert process.process.returncode == 0 and "process has finished cleanly" in process.text(), process.text()
+
+
 class Recorded:
     """Stands for any class of the launch system: keeps what it was made from."""
 
@@ -95,7 +199,7 @@ class Recorded:
 
 
 def test_launch_files_start_programs_that_exist_with_parameters_that_exist(prefix, monkeypatch):
-    # The launch system is on no registry: its classes are stood in for, so this checks names, not its behaviour.
+    # Where the launch system is not, its classes are stood in for: this checks names, not its behaviour.
     modules = {
         "launch": ["LaunchDescription"],
         "launch.actions": ["DeclareLaunchArgument", "ExecuteProcess"],

@@ -1,5 +1,6 @@
 """The planner's service and action with rclpy's own clients: every path, several clients at once, answers of any length."""
 
+import json
 import threading
 import time
 
@@ -68,6 +69,12 @@ def test_a_goal_succeeds_with_feedback_for_every_iteration_and_its_gait_on_the_t
     assert heard[-1].max_violation <= 1e-5 and heard[0].max_violation > heard[-1].max_violation
     assert all(later.elapsed_s > earlier.elapsed_s for earlier, later in zip(heard, heard[1:]))
     wait_until(lambda: any(gait.header.stamp == result.gait_stamp for gait in gaits), 5, "the gait on its topic")
+    # A goal carries the service's fields.
+    sloped = goals.result(goals.send(behaviour="amble", slope_rad=[0.05], reference="planned_joints")).result
+    assert sloped.success and sloped.solver.objective != result.solver.objective
+    wait_until(lambda: gaits[-1].header.stamp == sloped.gait_stamp, 5, "the gait on its topic")
+    assert json.loads(gaits[-1].request_json)["slope_rad"] == 0.05
+    assert gaits[-1].reference_coefficients_rad == gaits[-1].coefficients_rad
     # Who asks once more, and who asks late, hear the same.
     assert goals.result(handle).result == result
 
@@ -115,6 +122,107 @@ def test_a_request_that_cannot_be_planned_is_answered_in_fields_of_its_own(clien
     response = client.call(plan, GenerateGait.Request(behaviour="amble", speed_m_s=[2.0], step_duration_s=[0.6]), 60)
     assert not response.success and response.status != "invalid_request", response
     assert response.binding_constraints and response.nearest_fields and len(response.nearest_values) == len(response.nearest_fields)
+
+
+EVERY_FIELD = {
+    "step_duration_s": 0.36, "clearance_m": 0.1, "speed_m_s": 0.2, "height_m": 0.54, "half_width_m": 0.24, "slope_rad": 0.05,
+    "friction": 0.5, "torque_limit_nm": [48.0, 49.0, 50.0],
+}  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    "fields, degree",
+    [
+        (EVERY_FIELD, "mirrored"),
+        ({"sideways_slope_rad": 0.05}, "two steps"),
+        ({"torso_pitch_rad": 0.05}, "mirrored"),
+        ({"torso_roll_rad": 0.04}, "two steps"),
+    ],
+    ids=["every number of the fast program", "sideways slope", "nose down", "leaned to the right"],
+)
+def test_every_field_of_a_request_reaches_the_gait(client, planner, fields, degree):
+    from tandem_msgs.msg import Gait
+    from tandem_msgs.srv import GenerateGait
+    from test_walk import latched
+
+    gaits = []
+    subscription = client.node.create_subscription(Gait, "/planning/gait", gaits.append, latched())
+    plan = client.service(GenerateGait, "/planning/generate_gait")
+    lists = {name: value if isinstance(value, list) else [value] for name, value in fields.items()}
+    response = client.call(plan, GenerateGait.Request(behaviour="gait1", **lists), 60)
+    assert response.success, response.message
+    wait_until(lambda: gaits and gaits[-1].header.stamp == response.gait_stamp, 10, "the gait on its topic")
+    gait = gaits[-1]
+    client.node.destroy_subscription(subscription)
+    said = json.loads(gait.request_json)
+    assert {name: said[name] for name in fields} == fields
+    # And the plan is another one for it.
+    assert len(gait.second_coefficients_rad) == (72 if degree == "two steps" else 0)
+    pose, legs = gait.initial_base_pose, gait.initial_joint_position_rad
+    pitch = lambda q: 2 * (q.w * q.y - q.z * q.x)
+    roll = lambda q: 2 * (q.w * q.x + q.y * q.z)
+    assert pitch(pose.orientation) == pytest.approx(fields.get("torso_pitch_rad", 0), abs=0.03)
+    assert roll(pose.orientation) == pytest.approx(fields.get("torso_roll_rad", 0), abs=0.03)
+    assert len(legs) == 12
+    if fields is EVERY_FIELD:
+        assert gait.step_duration_s == pytest.approx(0.36, rel=0.0101) and gait.step_length_m == pytest.approx(0.2 * gait.step_duration_s)
+        assert list(gait.torque_limit_nm) and gait.solver.objective > 0
+    own = client.call(plan, GenerateGait.Request(behaviour="gait1"), 60)
+    assert own.solver.objective != response.solver.objective
+
+
+def test_the_reference_is_the_one_that_was_asked_for(client, planner):
+    from tandem_msgs.msg import Gait
+    from tandem_msgs.srv import GenerateGait
+    from test_walk import latched
+
+    gaits = []
+    client.node.create_subscription(Gait, "/planning/gait", gaits.append, latched())
+    plan = client.service(GenerateGait, "/planning/generate_gait")
+
+    def gait(reference):
+        response = client.call(plan, GenerateGait.Request(behaviour="gait1", reference=reference), 60)
+        assert response.success, response.message
+        wait_until(lambda: gaits and gaits[-1].header.stamp == response.gait_stamp, 10, "the gait on its topic")
+        return gaits[-1]
+
+    own, compensated, joints, in_program = (gait(reference) for reference in ("", "compensated", "planned_joints", "in_program"))
+    assert own.reference_coefficients_rad == compensated.reference_coefficients_rad != own.coefficients_rad
+    assert joints.reference_coefficients_rad == joints.coefficients_rad == own.coefficients_rad
+    # The full-order program's joints lag behind the reference as the law leaves them: near the other plan, and another one.
+    difference = max(abs(a - b) for a, b in zip(in_program.reference_coefficients_rad, own.reference_coefficients_rad, strict=True))
+    assert 1e-6 < difference < 0.5, difference
+    assert in_program.reference_coefficients_rad != in_program.coefficients_rad
+    for reference, expected in (("planned", 'reference "planned" is unknown'), ("in_program ", "is unknown")):
+        response = client.call(plan, GenerateGait.Request(behaviour="gait1", reference=reference))
+        assert response.status == "invalid_request" and expected in response.message
+    response = client.call(plan, GenerateGait.Request(behaviour="gait1", torque_limit_nm=[50.0]))
+    assert response.status == "invalid_request" and "torque_limit_nm has 1 entries, expected 3" in response.message
+
+
+def test_the_same_request_gives_the_same_gait_whatever_was_asked_before(client, planner):
+    from tandem_msgs.msg import Gait
+    from tandem_msgs.srv import GenerateGait
+    from rclpy.serialization import serialize_message
+    from test_walk import latched
+
+    gaits = []
+    client.node.create_subscription(Gait, "/planning/gait", gaits.append, latched())
+    plan = client.service(GenerateGait, "/planning/generate_gait")
+
+    def gait(**fields):
+        response = client.call(plan, GenerateGait.Request(behaviour="amble", **fields), 60)
+        assert response.success, response.message
+        wait_until(lambda: gaits and gaits[-1].header.stamp == response.gait_stamp, 10, "the gait on its topic")
+        gait = gaits[-1]
+        gait.header.stamp.sec = gait.header.stamp.nanosec = 0
+        gait.solver.solve_time_s = 0.0
+        return serialize_message(gait)
+
+    first = gait()
+    assert gait(slope_rad=[0.05]) != first
+    assert client.call(plan, GenerateGait.Request(behaviour="amble", half_width_m=[0.5]), 60).success is False
+    assert gait() == first
 
 
 def test_a_hundred_requests_in_a_row_are_answered(client, planner):

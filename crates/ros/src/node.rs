@@ -42,9 +42,6 @@ const INTRODUCTION: Duration = Duration::from_millis(500);
 /// Signals within this time are one wish to end.
 const SAME_WISH: Duration = Duration::from_secs(1);
 
-/// Requests kept by the middleware for a server: more than the requests of a burst, so that none is overwritten.
-const SERVICE_DEPTH: usize = 128;
-
 /// Asked to stop: by SIGINT, SIGTERM or the program itself. Clones share one state.
 #[derive(Clone, Debug)]
 pub struct Stop {
@@ -401,7 +398,6 @@ impl Node {
     ) -> Result<(), RosError> {
         let full = self.core.full_name(service, Subject::Service)?;
         let name = dds_name(&full)?;
-        let profile = Qos::reliable(SERVICE_DEPTH).profile();
         let server = self
             .core
             .with_node(|node| {
@@ -409,8 +405,8 @@ impl Node {
                     ServiceMapping::Enhanced,
                     &name,
                     &ServiceTypeName::new(S::PACKAGE, S::NAME),
-                    profile.clone(),
-                    profile.clone(),
+                    Qos::service(),
+                    Qos::patient_answers(),
                 )
             })
             .ok_or_else(|| self.shut_down(&full))?
@@ -436,7 +432,7 @@ impl Node {
     {
         let full = self.core.full_name(action, Subject::Service)?;
         let name = dds_name(&full)?;
-        let service = Qos::reliable(SERVICE_DEPTH).profile();
+        let service = Qos::service();
         let qos = ActionServerQosPolicies {
             goal_service: service.clone(),
             result_service: service.clone(),
@@ -467,7 +463,7 @@ impl Node {
     pub fn client<S: Service>(&self, service: &str) -> Result<Client<S>, RosError> {
         let full = self.core.full_name(service, Subject::Service)?;
         let name = dds_name(&full)?;
-        let profile = Qos::reliable(SERVICE_DEPTH).profile();
+        let profile = Qos::service();
         let inner = self
             .core
             .with_node(|node| {

@@ -1,6 +1,14 @@
 //! Quality of service: always stated, never a default.
 
+use std::time::Duration;
+
 use ros2_client::qos::{Durability, History, QosProfile, Reliability, WhenFull};
+
+/// Requests that the middleware keeps for a server, and answers for a client: more than those of a burst, so that none is overwritten.
+const SERVICE_DEPTH: usize = 1024;
+
+/// Longer than other implementations' leases, after which a client that has stalled is forgotten.
+const PATIENCE: Duration = Duration::from_secs(60);
 
 /// The quality of service of a publisher or a subscription.
 ///
@@ -36,6 +44,17 @@ impl Qos {
     #[must_use]
     pub const fn transient_local(depth: usize) -> Self {
         Qos { reliable: true, transient_local: true, depth }
+    }
+
+    /// Both ways of a service.
+    pub(crate) fn service() -> QosProfile {
+        Qos::reliable(SERVICE_DEPTH).profile()
+    }
+
+    /// The answers of a service that awaits their sending: they wait while a stalled client has left no room, until it goes on or
+    /// its lease ends.
+    pub(crate) fn patient_answers() -> QosProfile {
+        Qos::service().reliability(Reliability::Reliable { when_full: WhenFull::Wait(PATIENCE) })
     }
 
     pub(crate) fn profile(self) -> QosProfile {

@@ -50,13 +50,17 @@ pub struct Said {
     pub bus: Option<BusHealth>,
 }
 
-/// How the loop kept its time since it began.
+/// How the loop kept its time: median, 99th percentile and maximum.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Timing {
-    /// Lateness of wakes: median, 99th percentile, maximum.
+    /// Lateness of wakes since it began.
     pub latency: [Duration; 3],
-    /// Computing time of a cycle: median, 99th percentile, maximum.
+    /// Lateness of wakes since the report before.
+    pub recent_latency: [Duration; 3],
+    /// Computing time of a cycle since it began.
     pub compute: [Duration; 3],
+    /// Computing time of a cycle since the report before.
+    pub recent_compute: [Duration; 3],
 }
 
 /// The emergency stop's level. Pressed by the service, by the topic, by the topic's silence, or because the node is not active.
@@ -286,21 +290,54 @@ struct Measured<'a> {
 #[derive(Default)]
 struct Memory {
     tilt: Option<TimedTilt>,
-    latency: Histogram,
-    compute: Histogram,
+    latency: Durations,
+    compute: Durations,
     missed_cycles: u64,
 }
 
 impl Memory {
-    fn timing(&self) -> Timing {
+    fn timing(&mut self) -> Timing {
+        let (latency, recent_latency) = self.latency.report();
+        let (compute, recent_compute) = self.compute.report();
+        Timing { latency, recent_latency, compute, recent_compute }
+    }
+}
+
+/// Durations since the beginning, and since the last report.
+#[derive(Default)]
+struct Durations {
+    all: Histogram,
+    recent: Histogram,
+}
+
+impl Durations {
+    fn record(&mut self, duration: Duration) {
+        self.all.record(duration);
+        self.recent.record(duration);
+    }
+
+    fn report(&mut self) -> ([Duration; 3], [Duration; 3]) {
         let of = |h: &Histogram| [h.quantile(0.5), h.quantile(0.99), h.max()];
-        Timing { latency: of(&self.latency), compute: of(&self.compute) }
+        let report = (of(&self.all), of(&self.recent));
+        self.recent.clear();
+        report
     }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn what_is_recent_begins_anew_with_every_report() {
+        let mut durations = Durations::default();
+        durations.record(Duration::from_millis(3));
+        let slow = [Duration::from_millis(3); 3];
+        assert_eq!(durations.report(), (slow, slow));
+        durations.record(Duration::from_millis(1));
+        let (all, recent) = durations.report();
+        assert_eq!((all[2], recent), (slow[0], [Duration::from_millis(1); 3]));
+    }
 
     #[test]
     fn the_emergency_stop_is_pressed_by_any_of_its_ways() {

@@ -203,7 +203,12 @@ impl Press {
             value("cycles_without_new_state", output.stale_inputs.to_string()),
             value("publish_failures", self.publish_failures.to_string()),
         ];
-        for (what, quantiles) in [("latency", timing.latency), ("compute", timing.compute)] {
+        for (what, quantiles) in [
+            ("latency", timing.latency),
+            ("recent_latency", timing.recent_latency),
+            ("compute", timing.compute),
+            ("recent_compute", timing.recent_compute),
+        ] {
             for (name, duration) in ["median", "p99", "max"].into_iter().zip(quantiles) {
                 values.push(value(&format!("{what}_{name}_us"), us(duration)));
             }

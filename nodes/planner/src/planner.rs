@@ -1,6 +1,7 @@
 //! Plans requests: no middleware, no files.
 
 use std::ops::ControlFlow;
+use std::sync::{Mutex, PoisonError};
 use std::time::{Duration, Instant};
 
 use gait_design::{GaitRequest, PlanError, PlanOptions};
@@ -11,8 +12,13 @@ use tandem_msgs::{Gait, GenerateGaitRequest, GenerateGaitResponse};
 use crate::ports;
 
 /// Plans gaits for one robot.
+///
+/// Every solve starts from the same guess, never from the gait planned before it: the same request gives the same gait, to the bit,
+/// whatever was asked before. What is kept between requests is memory and the program's structure.
 pub struct Planner {
     robot: Robot,
+    /// Those that no request uses at present; as many come to be as requests are planned at once.
+    idle: Mutex<Vec<gait_design::Planner>>,
     time_limit: Duration,
     /// Whether a request that cannot be planned is answered with the nearest one that can.
     find_nearest: bool,
@@ -22,7 +28,7 @@ impl Planner {
     /// `time_limit` bounds one solve.
     #[must_use]
     pub fn new(robot: Robot, time_limit: Duration, find_nearest: bool) -> Self {
-        Planner { robot, time_limit, find_nearest }
+        Planner { robot, idle: Mutex::default(), time_limit, find_nearest }
     }
 
     /// Plans, or says why not, in the answer's own fields; the gait, where there is one, comes beside it. `progress` sees every iteration of the first solve, with the time
@@ -34,13 +40,14 @@ impl Planner {
         go_on: impl Fn() -> bool,
         mut progress: impl FnMut(&Iteration, Duration) -> ControlFlow<()>,
     ) -> (GenerateGaitResponse, Option<Gait>) {
-        let request = match ports::request(message, &self.robot) {
+        let (request, reference) = match ports::request(message, &self.robot) {
             Ok(request) => request,
             Err(problem) => return (ports::failure(ports::INVALID_REQUEST, problem), None),
         };
+        let options = PlanOptions { reference, ..PlanOptions::default() };
         let start = Instant::now();
         let mut stopped = false;
-        let result = self.plan(&request, |iteration| {
+        let result = self.plan(&request, &options, |iteration| {
             let flow = progress(iteration, start.elapsed());
             stopped |= flow.is_break();
             flow
@@ -58,7 +65,7 @@ impl Planner {
                     response.message = format!("no gait within {:?}: {}", self.time_limit, response.message);
                 } else if !stopped
                     && self.find_nearest
-                    && let Some(nearest) = self.nearest(&request, go_on)
+                    && let Some(nearest) = self.nearest(&request, &options, go_on)
                 {
                     ports::add_nearest(&mut response, &nearest);
                 }
@@ -70,26 +77,36 @@ impl Planner {
     fn plan(
         &self,
         request: &GaitRequest,
+        options: &PlanOptions,
         mut progress: impl FnMut(&Iteration) -> ControlFlow<()>,
     ) -> Result<gait::Gait, PlanError> {
         let start = Instant::now();
         let limit = self.time_limit;
-        let mut plan = gait_design::plan(&self.robot, request, &PlanOptions::default(), |iteration| {
+        // Nothing can fail while the list is held.
+        let idle = || self.idle.lock().unwrap_or_else(PoisonError::into_inner);
+        let kept = idle().pop();
+        let mut planner = kept.unwrap_or_else(|| gait_design::Planner::new(&self.robot));
+        let planned = planner.plan(request, options, |iteration| {
             if start.elapsed() >= limit {
                 return ControlFlow::Break(());
             }
             progress(iteration)
-        })?;
+        });
+        idle().push(planner);
+        let mut plan = planned?;
         plan.gait.solver.solve_time_s = start.elapsed().as_secs_f64();
         Ok(plan.gait)
     }
 
     /// The nearest request that can be planned. The search may take as long as a solve.
-    fn nearest(&self, asked: &GaitRequest, go_on: impl Fn() -> bool) -> Option<gait_design::Nearest> {
+    fn nearest(
+        &self,
+        asked: &GaitRequest,
+        options: &PlanOptions,
+        go_on: impl Fn() -> bool,
+    ) -> Option<gait_design::Nearest> {
         let start = Instant::now();
-        gait_design::nearest(&self.robot, asked, &PlanOptions::default(), || {
-            go_on() && start.elapsed() < self.time_limit
-        })
+        gait_design::nearest(&self.robot, asked, options, || go_on() && start.elapsed() < self.time_limit)
     }
 }
 
@@ -146,6 +163,47 @@ mod tests {
         let (unknown, _) = ask(|m| m.behaviour = "moonwalk".to_string());
         assert_eq!(unknown.status, ports::INVALID_REQUEST);
         assert!(unknown.message.contains("gait1"), "the known names: {}", unknown.message);
+    }
+
+    #[test]
+    fn an_answer_does_not_depend_on_what_was_asked_before() {
+        let planner = planner();
+        let go_on = |_: &Iteration, _| ControlFlow::Continue(());
+        let ask = |planner: &Planner, message: &GenerateGaitRequest| {
+            let (response, gait) = planner.generate(message, || true, go_on);
+            let mut gait = gait.unwrap_or_else(|| panic!("{}", response.message));
+            gait.solver.solve_time_s = 0.0;
+            gait
+        };
+        let named = |name: &str| GenerateGaitRequest { behaviour: name.to_string(), ..Default::default() };
+        let uphill = GenerateGaitRequest { slope_rad: Some(0.08).into(), ..named("amble") };
+        let refused = GenerateGaitRequest { half_width_m: Some(0.5).into(), ..named("amble") };
+        let fresh = [named("gait3"), uphill.clone(), named("amble")].map(|message| ask(&self::planner(), &message));
+        assert!(planner.generate(&refused, || false, go_on).1.is_none());
+        let used = [named("gait3"), uphill, named("amble")].map(|message| ask(&planner, &message));
+        assert_eq!(used, fresh);
+        assert_eq!(ask(&planner, &named("gait3")), fresh[0]);
+        assert_eq!(planner.idle.lock().unwrap().len(), 1, "one planner was enough");
+    }
+
+    #[test]
+    fn slopes_lean_and_reference_reach_the_plan() {
+        let (uphill, gait) = ask(|m| {
+            m.slope_rad = Some(0.1).into();
+            m.friction = Some(0.5).into();
+            m.torque_limit_nm = vec![48.0, 49.0, 47.0];
+        });
+        assert!(uphill.success, "{}", uphill.message);
+        let gait = gait.expect("a gait").to_gait().expect("the message holds a gait");
+        assert_eq!(gait.request["slope_rad"], 0.1);
+        assert_eq!(gait.request["friction"], 0.5);
+        assert_eq!(gait.request["torque_limit_nm"], serde_json::json!([48.0, 49.0, 47.0]));
+        let (_, sagging) = ask(|m| m.reference = "planned_joints".into());
+        let sagging = sagging.expect("a gait").to_gait().expect("the message holds a gait");
+        assert_eq!(sagging.reference_coefficients_rad, sagging.coefficients_rad);
+        let (out_of_range, _) = ask(|m| m.torque_limit_nm = vec![50.0, 50.0, -1.0]);
+        assert_eq!(out_of_range.status, ports::INVALID_REQUEST);
+        assert_eq!(out_of_range.binding_constraints, ["torque_limit_nm[knee]"]);
     }
 
     #[test]

@@ -1,7 +1,7 @@
 //! Messages to and from the planner's own types: the one place where the two meet.
 
 use gait_design::{
-    GaitRequest, Nearest, PlanError, RequestError, step_duration_from_step_frequency,
+    GaitRequest, Nearest, PlanError, Reference, RequestError, step_duration_from_step_frequency,
     step_duration_from_stride_frequency,
 };
 use robot::Robot;
@@ -14,11 +14,19 @@ pub const BUSY: &str = "busy";
 /// `status` of an answer to a request that came while the node was not active.
 pub const INACTIVE: &str = "inactive";
 
-/// The complete request: the behaviour's and the robot's own values where the message gives none.
+/// The names of what the tracking law may follow; empty means the first.
+const REFERENCES: [(&str, Reference); 3] = [
+    ("compensated", Reference::Compensated),
+    ("planned_joints", Reference::PlannedJoints),
+    ("in_program", Reference::InProgram),
+];
+
+/// The complete request, and what the tracking law is to follow: the behaviour's and the robot's own values where the message gives
+/// none.
 ///
 /// # Errors
 /// One sentence for people that names the field, its value and what was expected.
-pub fn request(message: &GenerateGaitRequest, robot: &Robot) -> Result<GaitRequest, String> {
+pub fn request(message: &GenerateGaitRequest, robot: &Robot) -> Result<(GaitRequest, Reference), String> {
     let mut request = GaitRequest::named(&message.behaviour, robot).map_err(|error| error.to_string())?;
     let given = |field: &str, value: &Optional<f64>| value.value().map_err(|error| format!("{field}: {error}"));
     let rates = [
@@ -47,12 +55,37 @@ pub fn request(message: &GenerateGaitRequest, robot: &Robot) -> Result<GaitReque
         ("speed_m_s", &message.speed_m_s, &mut request.speed_m_s),
         ("height_m", &message.height_m, &mut request.height_m),
         ("half_width_m", &message.half_width_m, &mut request.half_width_m),
+        ("slope_rad", &message.slope_rad, &mut request.slope_rad),
+        ("sideways_slope_rad", &message.sideways_slope_rad, &mut request.sideways_slope_rad),
+        ("torso_pitch_rad", &message.torso_pitch_rad, &mut request.torso_pitch_rad),
+        ("torso_roll_rad", &message.torso_roll_rad, &mut request.torso_roll_rad),
+        ("friction", &message.friction, &mut request.friction),
     ] {
         if let Some(value) = given(field, value)? {
             *target = value;
         }
     }
-    Ok(request)
+    match message.torque_limit_nm.as_slice() {
+        [] => {}
+        &[roll, pitch, knee] => request.torque_limit_nm = [roll, pitch, knee],
+        others => {
+            return Err(format!(
+                "torque_limit_nm has {} entries, expected 3 (hip roll, hip pitch, knee) or none",
+                others.len()
+            ));
+        }
+    }
+    Ok((request, reference(&message.reference)?))
+}
+
+fn reference(name: &str) -> Result<Reference, String> {
+    if name.is_empty() {
+        return Ok(Reference::default());
+    }
+    REFERENCES.iter().find(|(known, _)| *known == name).map(|(_, reference)| *reference).ok_or_else(|| {
+        let known: Vec<&str> = REFERENCES.iter().map(|(known, _)| *known).collect();
+        format!("reference \"{name}\" is unknown: expected one of {}, or nothing", known.join(", "))
+    })
 }
 
 /// The answer that goes with a gait; its stamp is set when the gait is published.
@@ -159,7 +192,7 @@ mod tests {
     fn an_empty_request_is_the_behaviours_own() {
         let robot = robot();
         let amble = request(&message("amble"), &robot).unwrap();
-        assert_eq!(amble, GaitRequest::named("amble", &robot).unwrap());
+        assert_eq!(amble, (GaitRequest::named("amble", &robot).unwrap(), Reference::Compensated));
     }
 
     #[test]
@@ -170,21 +203,39 @@ mod tests {
         m.speed_m_s = Some(0.1).into();
         m.height_m = Some(0.52).into();
         m.half_width_m = Some(0.24).into();
-        let r = request(&m, &robot()).unwrap();
-        assert_eq!(
-            (r.step_duration_s, r.clearance_m, r.speed_m_s, r.height_m, r.half_width_m),
-            (0.4, 0.08, 0.1, 0.52, 0.24)
-        );
+        m.slope_rad = Some(0.03).into();
+        m.sideways_slope_rad = Some(-0.04).into();
+        m.torso_pitch_rad = Some(0.05).into();
+        m.torso_roll_rad = Some(-0.06).into();
+        m.friction = Some(0.5).into();
+        m.torque_limit_nm = vec![41.0, 42.0, 43.0];
+        m.reference = "in_program".into();
+        // Every field by name: a new one is noticed here.
+        let expected = GaitRequest {
+            behaviour: "gait1".into(),
+            step_duration_s: 0.4,
+            clearance_m: 0.08,
+            speed_m_s: 0.1,
+            height_m: 0.52,
+            half_width_m: 0.24,
+            slope_rad: 0.03,
+            sideways_slope_rad: -0.04,
+            torso_pitch_rad: 0.05,
+            torso_roll_rad: -0.06,
+            friction: 0.5,
+            torque_limit_nm: [41.0, 42.0, 43.0],
+        };
+        assert_eq!(request(&m, &robot()).unwrap(), (expected, Reference::InProgram));
         let mut m = message("gait1");
         m.stride_frequency_hz = Some(2.5).into();
-        assert_eq!(request(&m, &robot()).unwrap().step_duration_s, 0.2);
+        assert_eq!(request(&m, &robot()).unwrap().0.step_duration_s, 0.2);
     }
 
     #[test]
     fn wrong_requests_get_one_clear_sentence() {
         let robot = robot();
         type Change = fn(&mut GenerateGaitRequest);
-        let cases: [(&str, Change); 6] = [
+        let cases: [(&str, Change); 9] = [
             ("behaviour \"moonwalk\" is unknown", |m| m.behaviour = "moonwalk".into()),
             ("step_duration_s and stride_frequency_hz are given: expected at most one", |m| {
                 m.step_duration_s = Some(0.3).into();
@@ -194,6 +245,13 @@ mod tests {
             ("stride_frequency_hz is 0, expected", |m| m.stride_frequency_hz = Some(0.0).into()),
             ("step_duration_s is inf, expected", |m| m.step_duration_s = Some(f64::INFINITY).into()),
             ("clearance_m: at most one value expected, got 2", |m| m.clearance_m = Optional(vec![0.1, 0.2])),
+            ("torso_roll_rad: at most one value expected, got 2", |m| m.torso_roll_rad = Optional(vec![0.1, 0.2])),
+            ("torque_limit_nm has 1 entries, expected 3 (hip roll, hip pitch, knee) or none", |m| {
+                m.torque_limit_nm = vec![50.0];
+            }),
+            ("reference \"planned\" is unknown: expected one of compensated, planned_joints, in_program", |m| {
+                m.reference = "planned".into();
+            }),
         ];
         for (expected, change) in cases {
             let mut m = message("amble");
