@@ -4,6 +4,7 @@ notice. The long version: TANDEM_ABUSE_CYCLES=200 TANDEM_ABUSE_SECONDS=60 launch
 import json
 import math
 import os
+import re
 import signal
 import subprocess
 import sys
@@ -100,8 +101,17 @@ INPUTS = ["joint_states", "joint_command", "imu", "gait", "emergency_stop", "odo
 
 @pytest.fixture(scope="module")
 def robot(processes, ros):
-    # The simulation is an ordinary process among the abusers' and waits its turn; that it is late is not what is tested here.
-    robot = Robot(processes, ros, "/abused", parameters=[PACE], controller=["state_timeout_s:=1.0"], mode="realtime")
+    robot = Robot(processes, ros, "/abused", parameters=[PACE], controller=["state_timeout_s:=0.5"], mode="realtime")
+    # As on a robot, whose machine is its own: the abusers are to abuse it over the network, not to take its processor.
+    for node in robot.nodes:
+        for thread in os.listdir(f"/proc/{node.process.pid}/task"):
+            try:
+                os.setpriority(os.PRIO_PROCESS, int(thread), -15)
+            except PermissionError:
+                print("the robot's processes wait their turn among the abusers: priorities are not permitted")
+                break
+            except ProcessLookupError:
+                pass  # a thread that has ended meanwhile
     yield robot
     robot.watching = False
     robot.watcher.join()
@@ -232,14 +242,19 @@ def test_a_walking_robot_does_not_notice(robot, loop, processes):
     assert all(client["answered"] == client["asked"] > 0 for client in clients), f"every call is answered as it must be: {clients}"
     assert abused.share_missed() <= calm.share_missed() + 0.005
     assert abused.compute_p99_us[-1] < 500
-    # A visit may leave something until its lease ends; it must not be much.
-    assert all(later - earlier < 6144 + 100 * CYCLES for earlier, later in zip(before, after, strict=True)), (before, after)
+    # What the stalled subscriber has not taken is kept until its lease ends, and the newest requests; a visit leaves next to nothing.
+    assert all(later - earlier < 16384 + 50 * CYCLES for earlier, later in zip(before, after, strict=True)), (before, after)
+    if len(visits) >= 10:
+        settled = visits[len(visits) // 2]
+        assert all(later - earlier < 4096 for earlier, later in zip(settled, visits[-1], strict=True)), visits
     # It walked on, was seen to, and nothing of the garbage was taken for a message.
     assert {state.mode for state in seen} == {"walking"} and len(seen) > 20 * took
-    logs = {1: ("joint_states", "imu", "gait", "emergency_stop"), 2: ("joint_command", "push")}
-    for node, topics in logs.items():
+    # Most of the garbage does not even decode; what does is dropped for its type. Either is said.
+    inputs = {1: [name for name in INPUTS if name not in ("joint_command", "push")], 2: ["joint_command", "push"]}
+    for node, topics in inputs.items():
         for topic in topics:
-            assert f"/abused/{topic}: a publisher sends std_msgs::msg::dds_::String_" in robot.nodes[node].text(), topic
+            refusal = rf"/abused/{topic}: (a publisher sends std_msgs::msg::dds_::String_|[0-9]+ messages could not be read)"
+            assert re.search(refusal, robot.nodes[node].text()), topic
     intruder.stop()
     robot.trigger("stop")
     robot.wait(lambda: robot.mode() == "standing", 60, "standing")

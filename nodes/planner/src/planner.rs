@@ -201,7 +201,7 @@ mod tests {
         let (_, sagging) = ask(|m| m.reference = "planned_joints".into());
         let sagging = sagging.expect("a gait").to_gait().expect("the message holds a gait");
         assert_eq!(sagging.reference_coefficients_rad, sagging.coefficients_rad);
-        let (out_of_range, _) = ask(|m| m.torque_limit_nm = vec![50.0, 50.0, -1.0]);
+        let (out_of_range, _) = ask(|m| m.torque_limit_nm = vec![50.0, 50.0, 2000.0]);
         assert_eq!(out_of_range.status, ports::INVALID_REQUEST);
         assert_eq!(out_of_range.binding_constraints, ["torque_limit_nm[knee]"]);
     }
