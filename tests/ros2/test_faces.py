@@ -213,6 +213,7 @@ def test_a_standing_robot_weighs_what_it_weighs_and_a_push_moves_it(robot, heard
     from rcl_interfaces.msg import Parameter, ParameterEvent, ParameterValue
     from rcl_interfaces.srv import SetParameters
 
+    robot.pause(False)
     for request in ("arm", "stand"):
         robot.trigger(request)
     robot.wait(lambda: robot.mode() == "standing", 60, "standing")
@@ -251,12 +252,17 @@ def test_a_standing_robot_weighs_what_it_weighs_and_a_push_moves_it(robot, heard
         (result,) = robot.client.call(set_, SetParameters.Request(parameters=[Parameter(name="push_duration_s", value=value)])).results
         assert result.successful, result
         wait_until(lambda: any(p.value.double_value == duration_s for e in events for p in e.changed_parameters), 10, "a parameter event")
-        robot.odometry.clear()
         push = WrenchStamped()
         push.wrench.force.y = 150.0
-        publisher.publish(push)
-        robot.wait(lambda: robot.odometry and robot.time() > seconds(robot.odometry[0].header.stamp) + 1.0, 30, "the push is over")
-        moved[duration_s] = max(message.twist.twist.linear.y for message in robot.odometry)
+        sideways = lambda: max((message.twist.twist.linear.y for message in list(robot.odometry)), default=0.0)
+        robot.odometry.clear()
+        for _ in range(10):
+            publisher.publish(push)
+            since = robot.time()
+            robot.wait(lambda since=since: robot.time() > since + 1.0, 30, "the push is over")
+            if sideways() > 0.01:
+                break  # the very first may come before the bridge has matched its publisher
+        moved[duration_s] = sideways()
     assert 0.01 < moved[0.02] < moved[0.1], moved
     assert robot.mode() == "standing"
 
@@ -310,7 +316,7 @@ def test_a_gait_file_is_loaded_walked_recorded_and_stopped_by_either_emergency_s
     wait_until(lambda: robot.mode() == "disarmed", 20, lambda: f"{robot.states[-1]}")
     none = call(ClearFault, "clear_fault", name="tilt")
     assert not none.success and "not latched" in none.message, none
-    robot.trigger("arm")
+    wait_until(lambda: call(Trigger, "arm").success, 30, "it is at rest and armed")
     wait_until(lambda: robot.mode() == "damping", 20, lambda: f"{robot.states[-1]}")
     robot.trigger("disarm")
     wait_until(lambda: robot.mode() == "disarmed", 20, lambda: f"{robot.states[-1]}")
