@@ -161,6 +161,10 @@ impl Subproblem<DecomposedProgram> for Condensed {
         }
         self.step(program, x, constraints)
     }
+
+    fn needs_jacobian(&self) -> bool {
+        false
+    }
 }
 
 impl Condensed {

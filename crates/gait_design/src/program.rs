@@ -677,8 +677,10 @@ impl Problem for DecomposedProgram {
     fn evaluate(&mut self, x: &[f64], evaluation: &mut Evaluation) {
         self.bipeds.with_derivatives = true;
         self.constraints(x, &mut evaluation.constraints);
-        let mut sink = ValuesSink { values: &mut evaluation.jacobian, next: 0 };
-        self.derivatives(x, &mut sink);
+        if evaluation.jacobian_wanted {
+            let mut sink = ValuesSink { values: &mut evaluation.jacobian, next: 0 };
+            self.derivatives(x, &mut sink);
+        }
         evaluation.objective = self.objective(x);
         evaluation.gradient.fill(0.0);
         for (k, &(i, weight, centre)) in self.weights.iter().enumerate() {

@@ -560,6 +560,7 @@ mod tests {
                 }
             }
             let at = Evaluation {
+                jacobian_wanted: true,
                 objective: 0.0,
                 gradient: (0..VARIABLES).map(|_| r()).collect(),
                 constraints,

@@ -32,6 +32,8 @@ pub struct Bounds {
 /// Values and derivatives at one point.
 #[derive(Clone, Debug, Default)]
 pub struct Evaluation {
+    /// Whether the Jacobian's values are asked for; where they are not, a problem may leave them as they are.
+    pub jacobian_wanted: bool,
     /// f(x).
     pub objective: f64,
     /// ∇f(x), one entry a variable.
@@ -105,6 +107,11 @@ pub trait Subproblem<P: Problem> {
     /// The step at `x`, where `problem` has just been evaluated to `at`. `constraints` is c: g(x), or what a second-order
     /// correction puts in its place.
     fn solve(&mut self, problem: &P, x: &[f64], at: &Evaluation, constraints: &[f64]) -> Result<Step, SubproblemError>;
+
+    /// Whether it reads the Jacobian's values, rather than the problem's own derivatives.
+    fn needs_jacobian(&self) -> bool {
+        true
+    }
 }
 
 /// A problem that contradicts itself before the first iteration.
@@ -143,7 +150,7 @@ pub enum ProblemError {
 impl Evaluation {
     /// Room for a problem's values.
     pub fn new(problem: &impl Problem) -> Self {
-        let mut evaluation = Self::default();
+        let mut evaluation = Self { jacobian_wanted: true, ..Self::default() };
         evaluation.fit(problem);
         evaluation
     }

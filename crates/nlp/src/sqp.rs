@@ -196,7 +196,10 @@ impl SqpSolver {
         let (n, m) = (bounds.variable_lower.len(), bounds.constraint_lower.len());
         let mut x: Vec<f64> =
             (0..n).map(|i| start[i].clamp(bounds.variable_lower[i], bounds.variable_upper[i])).collect();
+        // The first time for the constraints' units.
+        at.jacobian_wanted = true;
         problem.evaluate(&x, at);
+        next.jacobian_wanted = subproblem.needs_jacobian();
         let mut elastic: Option<Qp> = None;
         let mut elastic_price = 10.0_f64;
         // Without multipliers one price serves all constraints, each measured by the change of an unknown that mends it:
@@ -212,7 +215,7 @@ impl SqpSolver {
         let violation = |g: &[f64], i: usize| outside(g[i], bounds.constraint_lower[i], bounds.constraint_upper[i]);
 
         let status = loop {
-            if ![&at.gradient, &at.constraints, &at.jacobian].into_iter().all(|values| finite(values)) {
+            if !is_finite(at) {
                 break Status::NumericalTrouble { reason: "a value or derivative is not a number".into() };
             }
             let max_violation = (0..m).map(|i| violation(&at.constraints, i)).fold(0.0, f64::max);
@@ -221,6 +224,13 @@ impl SqpSolver {
                 // Clarabel proves infeasibility of a nearly infeasible subproblem only slowly; the elastic variant,
                 // which always has a solution, decides in both cases.
                 Err(SubproblemError::Infeasible | SubproblemError::Stopped(_)) => {
+                    if !at.jacobian_wanted {
+                        at.jacobian_wanted = true;
+                        problem.evaluate(&x, at);
+                        if !is_finite(at) {
+                            break Status::NumericalTrouble { reason: "a derivative is not a number".into() };
+                        }
+                    }
                     let qp = elastic.get_or_insert_with(|| Qp::new(problem, true, 1.0));
                     qp.price = elastic_price;
                     match qp.solve(problem, &x, at, &at.constraints) {
@@ -326,6 +336,7 @@ impl SqpSolver {
             }
             if !accepted {
                 let there = next.constraints.clone();
+                at.jacobian_wanted = true;
                 problem.evaluate(&x, at);
                 let corrected = if relaxed {
                     None
@@ -371,6 +382,7 @@ impl SqpSolver {
             }
             x.copy_from_slice(&trial);
             std::mem::swap(at, next);
+            next.jacobian_wanted = subproblem.needs_jacobian();
         };
         let worst = worst(problem, at);
         Ok(Solution { status, x, objective: at.objective, worst, multipliers, log })
@@ -504,6 +516,11 @@ pub fn most_broken<P: Problem>(problem: &P, x: &[f64], constraints: &[f64]) -> V
         (_, Some((i, amount))) => Violation { name: problem.constraint_name(i), amount },
         _ => Violation { name: "none".into(), amount: 0.0 },
     }
+}
+
+/// Whether every value and derivative that was asked for is a number.
+fn is_finite(at: &Evaluation) -> bool {
+    finite(&at.gradient) && finite(&at.constraints) && (!at.jacobian_wanted || finite(&at.jacobian))
 }
 
 /// Whether every value is a number, eight at a time: a number times 0 is 0, anything else is not.
