@@ -52,13 +52,13 @@ pub struct Arguments {
     #[arg(long, value_name = "DEG", allow_negative_numbers = true)]
     slope: Option<f64>,
     /// Slope of the ground across the walk, degrees; positive rises to the left. Two steps are planned, by the full-order program:
-    /// seconds instead of milliseconds
+    /// tenths of a second instead of milliseconds
     #[arg(long, value_name = "DEG", allow_negative_numbers = true)]
     sideways_slope: Option<f64>,
-    /// Pitch that the torso is held at, degrees; positive lowers its nose. Planned by the full-order program: seconds
+    /// Pitch that the torso is held at, degrees; positive lowers its nose. Planned by the full-order program: tenths of a second
     #[arg(long, value_name = "DEG", allow_negative_numbers = true)]
     torso_pitch: Option<f64>,
-    /// Roll that the torso is held at, degrees; positive lowers its right side. Two steps, by the full-order program: seconds
+    /// Roll that the torso is held at, degrees; positive lowers its right side. Two steps: tenths of a second
     #[arg(long, value_name = "DEG", allow_negative_numbers = true)]
     torso_roll: Option<f64>,
     /// Friction coefficient that the plan may use
@@ -96,7 +96,7 @@ enum ReferenceArgument {
     Compensated,
     /// The planned joints themselves: the robot sags, for comparison
     PlannedJoints,
-    /// A reference planned inside the full-order program, with the law's torques: seconds instead of milliseconds
+    /// A reference planned inside the full-order program, with the law's torques: tenths of a second instead of milliseconds
     InProgram,
 }
 
