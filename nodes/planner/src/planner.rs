@@ -14,7 +14,8 @@ use crate::ports;
 /// Plans gaits for one robot.
 ///
 /// Every solve starts from the same guess, never from the gait planned before it: the same request gives the same gait, to the bit,
-/// whatever was asked before. What is kept between requests is memory and the program's structure.
+/// whatever was asked before ([`gait_design::Planner::with_memory`] would be quicker, and its gaits differ in the last digits with what
+/// was asked before). What is kept between requests is storage and the program's structure.
 pub struct Planner {
     robot: Robot,
     /// Those that no request uses at present; as many come to be as requests are planned at once.
