@@ -13,12 +13,17 @@
 //! - I: the plastic impact of toes 0 and 3 (paper II-D). The plan's touchdown is soft, so the plan itself does not feel it.
 //! - S: the left–right mirror.
 //!
-//! Where the robot is and where it is heading do not matter to it: x, y and yaw have multipliers of modulus 1 by symmetry, which
-//! are set apart. If all the others are inside the unit circle, the gait is stable in this model. The converse does not hold for
+//! Where the second step is no mirror image of the first (a sideways slope, a rolled torso) it is the map of a stride,
+//!
+//! > P = (I · C · Φ)₂ · (I · C · Φ)₁.
+//!
+//! Where the robot is and, on level ground, where it is heading do not matter to it: x, y and yaw have multipliers of modulus 1 by
+//! symmetry, which are set apart. On a slope only x and y are. If all the others are inside the unit circle, the gait is stable in this model. The converse does not hold for
 //! the robot: a toe that is too low lands before T and catches the fall, which a linear map of steps with touchdown by the clock
 //! cannot show. docs/planning.md has the measurement: MuJoCo's own map has these multipliers once its touchdown is by the clock.
 
 use crate::recompose::PlanPoint;
+use crate::verification::step_of;
 use decomposition::{ContactDynamics, DynamicsError};
 use gait::{Gait, JOINTS};
 use nalgebra::{DMatrix, DVector};
@@ -35,17 +40,17 @@ const PARTS: usize = 6;
 /// Step of the difference quotients, rad or m, and per second.
 const DIFFERENCE: f64 = 1e-6;
 
-/// Multipliers of the step-to-step map.
+/// Multipliers of the step-to-step map, or of the stride's where two different steps make one.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Stability {
-    /// Of everything but x, y and yaw, largest modulus first.
+    /// Of everything that is not neutral, largest modulus first.
     pub multipliers: Vec<Complex>,
-    /// Of x, y and yaw: modulus 1 by symmetry. How far they are from it tells how exact the others are.
-    pub neutral: [Complex; 3],
+    /// Of x, y and, on level ground, yaw: modulus 1 by symmetry. How far they are from it tells how exact the others are.
+    pub neutral: Vec<Complex>,
 }
 
 impl Stability {
-    /// Largest modulus: below 1 a small disturbance shrinks by this factor a step in the long run.
+    /// Largest modulus: below 1 a small disturbance shrinks by this factor a step (or stride) in the long run.
     pub fn spectral_radius(&self) -> f64 {
         self.multipliers.first().map_or(0.0, |m| m.norm())
     }
@@ -56,14 +61,58 @@ impl Stability {
     }
 }
 
-/// The multipliers of a plan's step-to-step map. For a plan on a slope, `robot` is [`crate::on_slope`]'s.
+/// The multipliers of a plan's step-to-step map, or of its stride's. `points` and `second_points` are [`crate::Plan`]'s. For a plan on a
+/// slope, `robot` is [`crate::on_slope`]'s.
 ///
 /// # Errors
 ///
 /// If the dynamics are singular at a point of the plan.
-pub fn stability(robot: &Robot, gait: &Gait, points: &[PlanPoint]) -> Result<Stability, DynamicsError> {
+pub fn stability(
+    robot: &Robot,
+    gait: &Gait,
+    points: &[PlanPoint],
+    second_points: &[PlanPoint],
+) -> Result<Stability, DynamicsError> {
+    let first_step = step_map(robot, gait, points)?;
+    let map = if second_points.is_empty() {
+        mirror(robot) * first_step
+    } else {
+        step_map(robot, gait, second_points)? * first_step
+    };
+
+    // x, y and yaw span an invariant subspace; the rest is the quotient by it. Turning the robot turns its velocity.
+    let gravity = robot.model.gravity;
+    let is_level = gravity.x.hypot(gravity.y) < 1e-9 * gravity.norm();
+    let neutral: &[usize] = if is_level { &[0, 1, 5] } else { &[0, 1] };
+    let first = &points[0];
+    let mut shifts = DMatrix::zeros(STATE, STATE);
+    shifts[(0, 0)] = 1.0;
+    shifts[(1, 1)] = 1.0;
+    if is_level {
+        for (row, value) in [(0, -first.q[1]), (1, first.q[0]), (5, 1.0), (DOF, -first.v[1]), (DOF + 1, first.v[0])] {
+            shifts[(row, 2)] = value;
+        }
+    }
+    // The columns after these complete the basis.
+    let rest = STATE - neutral.len();
+    for (column, unit) in (neutral.len()..STATE).zip((0..STATE).filter(|i| !neutral.contains(i))) {
+        shifts[(unit, column)] = 1.0;
+    }
+    let basis = shifts.qr().q();
+    let turned = basis.transpose() * map * basis;
+    let eigenvalues = |from: usize, count: usize| -> Vec<Complex> {
+        turned.view((from, from), (count, count)).into_owned().complex_eigenvalues().iter().copied().collect()
+    };
+    let mut multipliers = eigenvalues(neutral.len(), rest);
+    multipliers.sort_by(|a, b| b.norm().total_cmp(&a.norm()));
+    Ok(Stability { multipliers, neutral: eigenvalues(0, neutral.len()) })
+}
+
+/// I · C · Φ of one step.
+fn step_map(robot: &Robot, gait: &Gait, points: &[PlanPoint]) -> Result<DMatrix<f64>, DynamicsError> {
+    let (_, stance, swing) = step_of(points);
     let generators: Vec<DMatrix<f64>> =
-        points.iter().map(|point| generator(robot, gait, point)).collect::<Result<_, _>>()?;
+        points.iter().map(|point| generator(robot, gait, stance, point)).collect::<Result<_, _>>()?;
     let mut flow = DMatrix::identity(STATE, STATE);
     let h = 2.0 * gait.step_duration_s / (points.len() - 1) as f64 / PARTS as f64;
     for interval in generators.windows(3).step_by(2) {
@@ -76,33 +125,12 @@ pub fn stability(robot: &Robot, gait: &Gait, points: &[PlanPoint]) -> Result<Sta
         }
     }
     let last = points.last().expect("a plan has points");
-    let map = mirror(robot) * touchdown(robot, last) * flow;
-
-    // x, y and yaw span an invariant subspace; the rest is the quotient by it. Turning the robot turns its velocity.
-    let first = &points[0];
-    let mut shifts = DMatrix::zeros(STATE, STATE);
-    shifts[(0, 0)] = 1.0;
-    shifts[(1, 1)] = 1.0;
-    for (row, value) in [(0, -first.q[1]), (1, first.q[0]), (5, 1.0), (DOF, -first.v[1]), (DOF + 1, first.v[0])] {
-        shifts[(row, 2)] = value;
-    }
-    // The columns after the first three complete the basis.
-    for (column, unit) in (3..STATE).zip((0..STATE).filter(|&i| i != 0 && i != 1 && i != 5)) {
-        shifts[(unit, column)] = 1.0;
-    }
-    let basis = shifts.qr().q();
-    let turned = basis.transpose() * map * basis;
-    let eigenvalues =
-        |from: usize, count: usize| turned.view((from, from), (count, count)).into_owned().complex_eigenvalues();
-    let mut multipliers: Vec<Complex> = eigenvalues(3, STATE - 3).iter().copied().collect();
-    multipliers.sort_by(|a, b| b.norm().total_cmp(&a.norm()));
-    let neutral = eigenvalues(0, 3);
-    Ok(Stability { multipliers, neutral: [neutral[0], neutral[1], neutral[2]] })
+    Ok(touchdown(robot, stance, swing, last) * flow)
 }
 
 /// d/dt (δq, δq̇) = G (δq, δq̇) at a point of the plan under the tracking law.
-fn generator(robot: &Robot, gait: &Gait, point: &PlanPoint) -> Result<DMatrix<f64>, DynamicsError> {
-    let stance = [robot.legs[1].toe, robot.legs[2].toe];
+fn generator(robot: &Robot, gait: &Gait, stance: [usize; 2], point: &PlanPoint) -> Result<DMatrix<f64>, DynamicsError> {
+    let stance = stance.map(|leg| robot.legs[leg].toe);
     let mut dynamics = ContactDynamics::new(&robot.model, stance.len());
     let mut acceleration = |q: &[f64; DOF], v: &[f64; DOF]| -> Result<DVector<f64>, DynamicsError> {
         let mut tau = [0.0; DOF];
@@ -132,8 +160,13 @@ fn generator(robot: &Robot, gait: &Gait, point: &PlanPoint) -> Result<DMatrix<f6
     Ok(g)
 }
 
-/// I · C at the plan's end.
-fn touchdown(robot: &Robot, end: &PlanPoint) -> DMatrix<f64> {
+/// I · C at a step's end.
+fn touchdown(
+    robot: &Robot,
+    [stance_1, stance_2]: [usize; 2],
+    [swing_1, swing_2]: [usize; 2],
+    end: &PlanPoint,
+) -> DMatrix<f64> {
     let model = &robot.model;
     let mut data = Data::new(model);
     let mass = crba(model, &mut data, &end.q).clone();
@@ -161,11 +194,11 @@ fn touchdown(robot: &Robot, end: &PlanPoint) -> DMatrix<f64> {
         let delassus = j * &carried;
         carried * delassus.pseudo_inverse(1e-9).expect("the tolerance is positive")
     };
-    let held = stack(&[jacobian[0].rows(2, 1), jacobian[3].rows(2, 1), jacobian[1].rows(0, 3), jacobian[2].rows(0, 3)]);
-    let landing = stack(&[jacobian[0].rows(2, 1), jacobian[3].rows(2, 1)]);
+    let landing = stack(&[jacobian[swing_1].rows(2, 1), jacobian[swing_2].rows(2, 1)]);
+    let held = stack(&[landing.rows(0, 2), jacobian[stance_1].rows(0, 3), jacobian[stance_2].rows(0, 3)]);
     let to_floor = DMatrix::identity(DOF, DOF) - least(&held).columns(0, 2) * landing;
-    let land = stack(&[jacobian[0].rows(0, 3), jacobian[3].rows(0, 3)]);
-    let land_by_q = stack(&[velocity_by_q[0].rows(0, 3), velocity_by_q[3].rows(0, 3)]);
+    let land = stack(&[jacobian[swing_1].rows(0, 3), jacobian[swing_2].rows(0, 3)]);
+    let land_by_q = stack(&[velocity_by_q[swing_1].rows(0, 3), velocity_by_q[swing_2].rows(0, 3)]);
     let stop = least(&land);
     let mut map = DMatrix::zeros(STATE, STATE);
     map.view_mut((0, 0), (DOF, DOF)).copy_from(&to_floor);

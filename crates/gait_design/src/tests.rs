@@ -405,10 +405,10 @@ fn where_a_robot_is_and_where_it_heads_does_not_matter_to_its_multipliers() {
     for name in behaviours() {
         let request = GaitRequest::named(name, &robot).unwrap();
         let plan = plan(&robot, &request, &PlanOptions::default(), go_on).unwrap();
-        let stability = stability(&robot, &plan.gait, &plan.points).unwrap();
+        let stability = stability(&robot, &plan.gait, &plan.points, &[]).unwrap();
         println!("{name}: {:.3}, then {:.3?}", stability.spectral_radius(), &stability.multipliers[..4]);
         assert_eq!(stability.multipliers.len(), 33);
-        let mut neutral = stability.neutral.map(|m| m.re);
+        let mut neutral: Vec<f64> = stability.neutral.iter().map(|m| m.re).collect();
         neutral.sort_by(f64::total_cmp);
         for (found, expected) in neutral.into_iter().zip([-1.0, -1.0, 1.0]) {
             assert!((found - expected).abs() < 1e-4, "{name}: {found}");
@@ -418,6 +418,52 @@ fn where_a_robot_is_and_where_it_heads_does_not_matter_to_its_multipliers() {
     // The longer the robot tips about the line between two toes, the farther it has tipped.
     radii.sort_by(|a, b| a.0.total_cmp(&b.0));
     assert!(radii.windows(2).all(|w| w[0].1 < w[1].1), "{radii:?}");
+}
+
+#[test]
+fn the_multipliers_of_two_mirrored_steps_are_the_squares_of_one_step_s() {
+    let robot = vision60();
+    let request = GaitRequest::named("gait1", &robot).unwrap();
+    let plan = plan(&robot, &request, &PlanOptions::default(), go_on).unwrap();
+    let mirrored: Vec<PlanPoint> = plan
+        .points
+        .iter()
+        .map(|p| {
+            let mut torque = [0.0; 18];
+            torque[6..].copy_from_slice(&p.torque_nm);
+            let torque = robot.mirror.coordinates(&torque);
+            let leg = |leg: usize| p.ground_force_n[robot.mirror.leg[leg]];
+            PlanPoint {
+                phase: p.phase,
+                q: robot.mirror.coordinates(&p.q),
+                v: robot.mirror.coordinates(&p.v),
+                a: robot.mirror.coordinates(&p.a),
+                torque_nm: torque[6..].try_into().unwrap(),
+                ground_force_n: [0, 1, 2, 3].map(|l| [leg(l)[0], -leg(l)[1], leg(l)[2]]),
+            }
+        })
+        .collect();
+    let step = stability(&robot, &plan.gait, &plan.points, &[]).unwrap();
+    let stride = stability(&robot, &plan.gait, &plan.points, &mirrored).unwrap();
+    let mut squares: Vec<f64> = step.multipliers.iter().map(|m| m.norm_sqr()).collect();
+    squares.sort_by(|a, b| b.total_cmp(a));
+    for (square, found) in squares.iter().zip(&stride.multipliers).take(8) {
+        assert!((square - found.norm()).abs() < 1e-6 * square.max(1.0), "{squares:?}, {:?}", stride.multipliers);
+    }
+    assert!(stride.neutral.iter().all(|m| (m - 1.0).norm() < 1e-3), "{:?}", stride.neutral);
+}
+
+#[test]
+fn on_a_slope_only_the_place_is_neutral() {
+    let robot = vision60();
+    for (slope_rad, sideways_slope_rad) in [(0.1, 0.0), (0.0, 0.1)] {
+        let request = GaitRequest { slope_rad, sideways_slope_rad, ..GaitRequest::named("gait1", &robot).unwrap() };
+        let plan = plan(&robot, &request, &PlanOptions::default(), go_on).unwrap();
+        let s = stability(&on_slope(&robot, &request), &plan.gait, &plan.points, &plan.second_points).unwrap();
+        println!("{:?}, largest {:?}", s.neutral, &s.multipliers[..4]);
+        assert_eq!((s.neutral.len(), s.multipliers.len()), (2, 34));
+        assert!(s.neutral.iter().all(|m| (m.norm() - 1.0).abs() < 1e-4), "{:?}", s.neutral);
+    }
 }
 
 /// Twenty more requests (behaviour, step frequency Hz, clearance m, speed m/s, height m, half-width m) with the optimum's cost by the

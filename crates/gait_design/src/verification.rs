@@ -139,7 +139,7 @@ fn output_acceleration(gait: &Gait, side: StepSide, time: f64, q: &[f64], v: &[f
 }
 
 /// Which step a plan's points are of, its stance legs (those that the ground pushes on) and its swing legs.
-fn step_of(points: &[PlanPoint]) -> (StepSide, [usize; 2], [usize; 2]) {
+pub(crate) fn step_of(points: &[PlanPoint]) -> (StepSide, [usize; 2], [usize; 2]) {
     if points[0].ground_force_n[1][2] > 0.0 {
         (StepSide::First, [1, 2], [0, 3])
     } else {

@@ -153,21 +153,18 @@ pub fn run(arguments: &Arguments) -> Result<ExitCode> {
             followed = false;
         }
         if arguments.stability {
-            if !plan.second_points.is_empty() {
-                bail!(
-                    "--stability is for gaits whose second step mirrors the first; {name} on a sideways slope or with a rolled torso is none"
-                );
-            }
             let on_slope = gait_design::on_slope(&robot, &request);
-            let s = gait_design::stability(&on_slope, &plan.gait, &plan.points)
+            let s = gait_design::stability(&on_slope, &plan.gait, &plan.points, &plan.second_points)
                 .with_context(|| format!("cannot linearise {name}"))?;
             let show =
                 |m: &[Complex]| m.iter().map(|m| format!("{:+.3}{:+.3}i", m.re, m.im)).collect::<Vec<_>>().join(", ");
             println!(
-                "         step-to-step map, rigid touchdown by the clock: largest multiplier {:.3} ({}): {}; x, y, yaw {}",
+                "         {} map, rigid touchdown by the clock: largest multiplier {:.3} ({}): {}; x, y{} {}",
+                if plan.second_points.is_empty() { "step-to-step" } else { "stride-to-stride" },
                 s.spectral_radius(),
                 if s.is_stable() { "stable" } else { "not stable by itself: early touchdown has to catch it" },
                 show(&s.multipliers[..6]),
+                if s.neutral.len() == 3 { ", yaw" } else { "" },
                 show(&s.neutral)
             );
         }
