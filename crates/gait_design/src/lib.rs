@@ -38,7 +38,7 @@ pub use request::{
 };
 
 pub use stability::{Complex, Stability, stability};
-pub use verification::{BetweenPoints, SimulatedPoint, StepComparison, between_points, simulate_planned_step};
+pub use verification::{BetweenPoints, SimulatedPoint, StepComparison, StepLaw, between_points, simulate_planned_step};
 
 use decomposition::Pairing;
 use gait::{Gait, GaitError, SolverSummary};
@@ -88,6 +88,16 @@ pub enum SubproblemSolver {
     Eliminated,
     /// By Clarabel, as one sparse program: the reference.
     Sparse,
+}
+
+impl Reference {
+    /// The law under which a step of such a plan is simulated to verify it.
+    pub fn step_law(self) -> StepLaw {
+        match self {
+            Self::Compensated | Self::PlannedJoints => StepLaw::Linearising,
+            Self::InProgram => StepLaw::Tracking,
+        }
+    }
 }
 
 impl Default for PlanOptions {

@@ -110,7 +110,7 @@ fn the_full_order_program_converges_to_gaits_no_costlier_than_the_decomposed_one
         );
         assert!(a.objective <= b.objective + 1e-6, "{name}: {} above {}", a.objective, b.objective);
         assert!(a.iterations <= 25 && a.max_violation <= 1e-5, "{name}: {a:?}");
-        let comparison = simulate_planned_step(&robot, &whole.gait, &whole.points).unwrap();
+        let comparison = simulate_planned_step(&robot, &whole.gait, &whole.points, StepLaw::Linearising).unwrap();
         // The freer motion of its rear legs is coarser sampled by eleven points than the decomposed plan's.
         assert!(comparison.joint_error_rad < 0.01 && comparison.normal_force_error < 0.01, "{name}: {comparison:?}");
     }
@@ -285,9 +285,11 @@ fn the_full_order_quadruped_simulated_for_a_step_follows_every_plan() {
     for name in behaviours() {
         let request = GaitRequest::named(name, &robot).unwrap();
         let plan = plan(&robot, &request, &PlanOptions::default(), go_on).unwrap();
-        let comparison = simulate_planned_step(&robot, &plan.gait, &plan.points).unwrap();
+        let comparison = simulate_planned_step(&robot, &plan.gait, &plan.points, StepLaw::Linearising).unwrap();
         println!("{name}: {comparison:?}");
         assert!(comparison.follows_plan(), "{name}: {comparison:?}");
+        // Lines that lie on one another, as in the paper's Fig. "bi2quad": a thousandth of the weight.
+        assert!(comparison.normal_force_error <= 1e-3, "{name}: {}", comparison.normal_force_error);
     }
 }
 
@@ -311,7 +313,8 @@ fn a_plan_for_a_slope_follows_its_step_on_that_slope_and_leans_into_it() {
     let mut request = GaitRequest::named("amble", &robot).unwrap();
     request.slope_rad = 5.0_f64.to_radians();
     let plan = plan(&robot, &request, &PlanOptions::default(), go_on).unwrap();
-    let comparison = simulate_planned_step(&on_slope(&robot, &request), &plan.gait, &plan.points).unwrap();
+    let comparison =
+        simulate_planned_step(&on_slope(&robot, &request), &plan.gait, &plan.points, StepLaw::Linearising).unwrap();
     assert!(comparison.follows_plan(), "{comparison:?}");
     // Uphill the ground pushes forward: the mean of the horizontal forces carries the weight's share along the slope.
     let mean: f64 = plan.points.iter().map(|p| p.ground_force_n[1][0] + p.ground_force_n[2][0]).sum::<f64>()
@@ -330,7 +333,7 @@ fn on_a_sideways_slope_two_steps_are_planned_that_join_and_lean_into_it() {
     let on_slope = on_slope(&robot, &request);
     let weight = robot.model.total_mass() * 9.81;
     for points in [&plan.points, &plan.second_points] {
-        let comparison = simulate_planned_step(&on_slope, &plan.gait, points).unwrap();
+        let comparison = simulate_planned_step(&on_slope, &plan.gait, points, StepLaw::Linearising).unwrap();
         assert!(comparison.follows_plan(), "{comparison:?}");
         let between = between_points(&on_slope, &request, &plan.gait, points);
         assert!(between.is_kept(), "{between:?}");
@@ -361,6 +364,9 @@ fn a_reference_planned_in_the_program_gives_the_planned_torques_by_the_bare_law(
     let request = GaitRequest::named("amble", &robot).unwrap();
     let options = PlanOptions { reference: Reference::InProgram, ..PlanOptions::default() };
     let plan = plan(&robot, &request, &options, go_on).unwrap();
+    let comparison = simulate_planned_step(&robot, &plan.gait, &plan.points, Reference::InProgram.step_law()).unwrap();
+    println!("{comparison:?}", comparison = StepComparison { simulated: Vec::new(), ..comparison.clone() });
+    assert!(comparison.follows_plan());
     let gait = &plan.gait;
     println!("{:?}", gait.solver);
     for point in &plan.points {
@@ -612,7 +618,7 @@ fn a_leaning_torso_is_held_at_its_angle() {
             if points.is_empty() {
                 continue;
             }
-            let comparison = simulate_planned_step(&robot, &plan.gait, points).unwrap();
+            let comparison = simulate_planned_step(&robot, &plan.gait, points, StepLaw::Linearising).unwrap();
             assert!(comparison.follows_plan(), "{comparison:?}");
             let between = between_points(&robot, &request, &plan.gait, points);
             assert!(between.is_kept(), "{between:?}");

@@ -4,8 +4,8 @@
 use crate::PlanError;
 use crate::recompose::PlanPoint;
 use crate::request::GaitRequest;
-use decomposition::DynamicsError;
 use decomposition::simulation::{Contacts, Options, State, simulate_phase};
+use decomposition::{ContactDynamics, DynamicsError};
 use gait::{Gait, JOINTS, StepSide, bezier};
 use nalgebra::{DMatrix, DVector};
 use rigid_body::{Data, Model, crba, rnea};
@@ -44,6 +44,15 @@ pub struct SimulatedPoint {
 /// Proportional and derivative gains of the linearised outputs, 1/s² and 1/s.
 const OUTPUT_GAINS: (f64, f64) = (900.0, 60.0);
 
+/// The law under which a planned step is simulated.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum StepLaw {
+    /// Input–output linearising about the planned joints' polynomials: for joints that are prescribed.
+    Linearising,
+    /// The tracking law about the gait's reference, for a reference that was planned with it ([`crate::Reference::InProgram`]).
+    Tracking,
+}
+
 /// Simulates a step of a plan, that of `points`, with the full-order model and compares. For a plan on a slope, `robot` is
 /// [`crate::on_slope`]'s.
 ///
@@ -54,6 +63,7 @@ pub fn simulate_planned_step(
     robot: &Robot,
     gait: &Gait,
     points: &[PlanPoint],
+    law: StepLaw,
 ) -> Result<StepComparison, DynamicsError> {
     let model = &robot.model;
     let t = gait.step_duration_s;
@@ -64,6 +74,27 @@ pub fn simulate_planned_step(
     let instants = FINER * (points.len() - 1);
     let times: Vec<f64> = (0..=instants).map(|k| k as f64 / instants as f64 * t).collect();
     let mut data = Data::new(model);
+    let mut dynamics = ContactDynamics::new(model, stance.len());
+    // The joints' torques under the law and the normal forces that go with them.
+    let mut act = |time: f64, q: &[f64], v: &[f64]| -> Result<Action, DynamicsError> {
+        match law {
+            StepLaw::Linearising => {
+                let wanted = output_acceleration(gait, side, time, q, v);
+                Ok(linearise(model, &mut data, &stance, q, v, &wanted))
+            }
+            StepLaw::Tracking => {
+                let (position, velocity) = gait.reference(side, (time / t).clamp(0.0, 1.0));
+                let torque: [f64; JOINTS] = std::array::from_fn(|j| {
+                    gait.kp[j] * (position[j] - q[6 + j]) + gait.kd[j] * (velocity[j] - v[6 + j])
+                });
+                let mut tau = vec![0.0; model.dof()];
+                tau[6..].copy_from_slice(&torque);
+                let forces = &dynamics.motion(model, q, v, &tau, &stance)?.forces;
+                Ok(Action { torque, normal_force: [forces[0].z, forces[1].z] })
+            }
+        }
+    };
+    let mut failed = None;
     let phase = simulate_phase(
         model,
         &start,
@@ -72,12 +103,18 @@ pub fn simulate_planned_step(
         Contacts { stance: &stance, swing: &[] },
         &times,
         &Options { relative_tolerance: 1e-7, absolute_tolerance: 1e-7, ..Options::default() },
-        |time, q, v, torque| {
-            let wanted = output_acceleration(gait, side, time, q, v);
-            let solution = linearise(model, &mut data, &stance, q, v, &wanted);
-            torque.copy_from_slice(&solution.torque);
+        |time, q, v, torque| match act(time, q, v) {
+            Ok(solution) => torque.copy_from_slice(&solution.torque),
+            Err(e) => {
+                torque.fill(f64::NAN);
+                failed = Some(e);
+            }
         },
-    )?;
+    );
+    if let Some(e) = failed {
+        return Err(e);
+    }
+    let phase = phase?;
 
     let mut comparison = StepComparison {
         joint_error_rad: 0.0,
@@ -91,8 +128,7 @@ pub fn simulate_planned_step(
     // The start is the first state unless it was asked for.
     let states: Vec<&State> = std::iter::once(&start).chain(phase.states.iter().filter(|s| s.time_s > 0.0)).collect();
     for state in &states {
-        let wanted = output_acceleration(gait, side, state.time_s, &state.q, &state.v);
-        let solution = linearise(model, &mut data, &stance, &state.q, &state.v, &wanted);
+        let solution = act(state.time_s, &state.q, &state.v)?;
         comparison.simulated.push(SimulatedPoint {
             time_s: state.time_s,
             joint_position_rad: std::array::from_fn(|j| state.q[6 + j]),
@@ -147,7 +183,8 @@ pub(crate) fn step_of(points: &[PlanPoint]) -> (StepSide, [usize; 2], [usize; 2]
     }
 }
 
-struct Linearised {
+/// What a law does.
+struct Action {
     torque: [f64; JOINTS],
     normal_force: [f64; 2],
 }
@@ -162,7 +199,7 @@ fn linearise(
     q: &[f64],
     v: &[f64],
     joints: &[f64; JOINTS],
-) -> Linearised {
+) -> Action {
     let mut a = [0.0; 18];
     a[6..].copy_from_slice(joints);
     let mut jacobian = DMatrix::zeros(6, 18);
@@ -184,7 +221,7 @@ fn linearise(
     let solution = matrix.svd(true, true).solve(&right, 1e-7).expect("both factors were asked for");
     let force = solution.rows(6, 6).into_owned();
     let torque = tau + mass.columns(0, 6) * solution.rows(0, 6) - jacobian.tr_mul(&force);
-    Linearised { torque: std::array::from_fn(|j| torque[6 + j]), normal_force: [force[2], force[5]] }
+    Action { torque: std::array::from_fn(|j| torque[6 + j]), normal_force: [force[2], force[5]] }
 }
 
 impl StepComparison {

@@ -2,7 +2,7 @@
 
 use crate::robots::RobotArguments;
 use anyhow::{Context, Result, bail};
-use gait_design::{Complex, GaitRequest, Plan, PlanOptions, PlanPoint, Reference};
+use gait_design::{Complex, GaitRequest, Plan, PlanOptions, PlanPoint, Reference, StepLaw};
 use std::ops::ControlFlow;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
@@ -149,7 +149,8 @@ pub fn run(arguments: &Arguments) -> Result<ExitCode> {
             plan.gait.step_duration_s,
             file.map_or_else(|| "not written: give -o FILE".into(), |f| f.display().to_string())
         );
-        if arguments.verify && !verify(&robot, &request, &plan, arguments.plot.as_deref())? {
+        let law = Reference::from(arguments.reference).step_law();
+        if arguments.verify && !verify(&robot, &request, &plan, law, arguments.plot.as_deref())? {
             followed = false;
         }
         if arguments.stability {
@@ -273,13 +274,13 @@ fn timed(robot: &robot::Robot, request: &GaitRequest, reference: Reference, verb
 }
 
 /// Simulates each planned step with the full-order model, prints how it compares, and says whether it follows the plan.
-fn verify(robot: &robot::Robot, request: &GaitRequest, plan: &Plan, plot: Option<&Path>) -> Result<bool> {
+fn verify(robot: &robot::Robot, request: &GaitRequest, plan: &Plan, law: StepLaw, plot: Option<&Path>) -> Result<bool> {
     let robot = gait_design::on_slope(robot, request);
     let mut good = true;
     for (points, which) in [(&plan.points, ""), (&plan.second_points, "_second")] {
         if !points.is_empty() {
             let file = plot.map(|folder| folder.join(format!("{}{which}_step.png", plan.gait.name)));
-            good &= verify_step(&robot, request, &plan.gait, points, file.as_deref())?;
+            good &= verify_step(&robot, request, &plan.gait, points, law, file.as_deref())?;
         }
     }
     Ok(good)
@@ -290,9 +291,10 @@ fn verify_step(
     request: &GaitRequest,
     gait: &gait::Gait,
     points: &[PlanPoint],
+    law: StepLaw,
     plot: Option<&Path>,
 ) -> Result<bool> {
-    let c = gait_design::simulate_planned_step(robot, gait, points)
+    let c = gait_design::simulate_planned_step(robot, gait, points, law)
         .with_context(|| format!("cannot simulate {}", gait.name))?;
     let follows = c.follows_plan();
     println!(
