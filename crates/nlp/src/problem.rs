@@ -137,6 +137,14 @@ pub enum ProblemError {
         /// What was expected.
         expected: usize,
     },
+    /// A nonzero that is given twice.
+    #[error("the problem's hessian_pattern has ({row}, {column}) twice, expected each nonzero once")]
+    Repeated {
+        /// Its row.
+        row: usize,
+        /// Its column.
+        column: usize,
+    },
     /// The start is not a number somewhere.
     #[error("the start of {name} is {value}, expected a finite number")]
     Start {
@@ -191,6 +199,15 @@ pub(crate) fn check(problem: &impl Problem, start: &[f64]) -> Result<(), Problem
     for &(row, column) in &problem.hessian_pattern().0 {
         if row > column || column >= n {
             return Err(ProblemError::Shape { what: "hessian_pattern", found: row, expected: column });
+        }
+    }
+    // A pattern in order, as most are, has no repetition to look for.
+    let pattern = &problem.hessian_pattern().0;
+    if !pattern.is_sorted_by(|a, b| a < b) {
+        let mut sorted = pattern.clone();
+        sorted.sort_unstable();
+        if let Some(pair) = sorted.windows(2).find(|pair| pair[0] == pair[1]) {
+            return Err(ProblemError::Repeated { row: pair[0].0, column: pair[0].1 });
         }
     }
     let bad = |lower: f64, upper: f64| lower.is_nan() || upper.is_nan() || lower > upper;

@@ -220,6 +220,11 @@ fn a_problem_that_contradicts_itself_is_refused_by_name() {
     assert!(e.to_string().contains("x2"), "{e}");
     let e = SqpSolver::default().solve(&mut hock_schittkowski_71(), &[f64::NAN; 4], |_| ControlFlow::Continue(()));
     assert!(matches!(e, Err(ProblemError::Start { .. })));
+    let mut problem = hock_schittkowski_71();
+    let first = problem.hessian.0[0];
+    problem.hessian.0.push(first);
+    let e = SqpSolver::default().solve(&mut problem, &[1.0; 4], |_| ControlFlow::Continue(())).unwrap_err();
+    assert_eq!(e, ProblemError::Repeated { row: first.0, column: first.1 });
     assert!(SqpSolver::new(Settings { objective_tolerance: 0.0, ..Settings::default() }).is_err());
 }
 
