@@ -8,7 +8,7 @@ use crate::request::GaitRequest;
 use nalgebra::{DMatrix, DVector};
 
 /// Gaits that are remembered; the oldest is forgotten first.
-const REMEMBERED: usize = 96;
+const REMEMBERED: usize = 256;
 /// Gaits that a start is made of.
 const NEIGHBOURS: usize = 12;
 /// Distance over which gaits are alike, as a share of each field's range.
