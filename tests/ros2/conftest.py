@@ -105,12 +105,18 @@ class Client:
         self.thread.start()
 
     def _spin(self):
-        import rclpy.executors
+        from rclpy.executors import ExternalShutdownException
+        from rclpy.exceptions import InvalidHandle
 
-        try:
-            self.executor.spin()
-        except rclpy.executors.ExternalShutdownException:
-            pass
+        while True:
+            try:
+                return self.executor.spin()
+            except ExternalShutdownException:
+                return
+            except InvalidHandle:
+                # A test destroyed what the executor was about to wait for: rclpy does not guard against that, and a client whose thread
+                # had ended would wait for every later answer in vain.
+                continue
 
     def service(self, type_, name, seconds=40, depth=10):
         """A client of a service that is there. `depth`: answers that it keeps, its own and those to the service's other clients."""
