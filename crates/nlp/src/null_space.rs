@@ -71,7 +71,7 @@ struct Numbers<const W: usize> {
     work: Vec<f64>,
     /// Of each step, the entries of its `after` and its constant, divided by the pivot.
     rows: Vec<(Vec<f64>, f64)>,
-    /// A step's entries as functions of the free variables.
+    /// Every variable's step as a function of the free ones.
     variables: Vec<Affine<W>>,
 }
 

@@ -53,6 +53,8 @@ pub(crate) async fn serve<S: Service>(
     let mut requests = server.receive_request_stream();
     let mut waiting: VecDeque<(RmwRequestId, S::Request)> = VecDeque::new();
     let mut running = FuturesUnordered::new();
+    // An answer may wait long for room behind a stalled client; no other request must wait for that, least of all one to stop.
+    let mut unsent = FuturesUnordered::new();
     loop {
         while running.len() < options.parallel
             && let Some((id, request)) = waiting.pop_front()
@@ -65,7 +67,7 @@ pub(crate) async fn serve<S: Service>(
             received = requests.next() => match received {
                 Some(Ok((id, Wire(request)))) => match &options.refuse {
                     Some(refuse) if running.len() >= options.parallel && waiting.len() >= options.waiting => {
-                        respond::<S>(&service, &server, id, refuse(&request)).await;
+                        unsent.push(respond::<S>(&service, &server, id, refuse(&request)));
                     }
                     _ => waiting.push_back((id, request)),
                 },
@@ -73,11 +75,12 @@ pub(crate) async fn serve<S: Service>(
                 None => return,
             },
             Some((id, outcome)) = running.next() => match outcome {
-                Ok(response) => respond::<S>(&service, &server, id, response).await,
+                Ok(response) => unsent.push(respond::<S>(&service, &server, id, response)),
                 Err(error) => {
                     tracing::error!("service {service}: the handler failed, the caller gets no response: {error}");
                 }
             },
+            Some(()) = unsent.next() => {}
         }
     }
 }
