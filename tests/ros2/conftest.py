@@ -124,8 +124,6 @@ class Client:
 
         client = self.node.create_client(type_, name, qos_profile=QoSProfile(depth=depth))
         assert client.wait_for_service(seconds), f"service {name} did not appear within {seconds} s"
-        # The service is known here; the server has to hear of this client's reader, too (docs/ros2.md).
-        time.sleep(0.3)
         return client
 
     def call(self, client, request, seconds=20):

@@ -12,6 +12,9 @@ use std::ops::ControlFlow;
 const HALVINGS: u32 = 7;
 /// A search's solves that have not converged by then will not, or not to a gait worth proposing.
 const MAX_ITERATIONS: u32 = 40;
+/// Nor those that had to relax so many subproblems. A relaxed one takes a hundred times as long as another, and a request far from
+/// what can be planned relaxes nearly all: its search took a minute.
+const MAX_RELAXED: usize = 4;
 
 /// One number of a request that has to change.
 #[derive(Clone, Debug, PartialEq)]
@@ -119,8 +122,13 @@ pub fn nearest(
     // Each from a guess, as the caller's next request will be.
     options.warm_start = None;
     let mut attempt = |request: &GaitRequest| -> Result<_, PlanError> {
-        let flow = |_: &Iteration| if go_on() { ControlFlow::Continue(()) } else { ControlFlow::Break(()) };
-        let Plan { warm_start: WarmStart(x), .. } = plan(robot, request, &options, flow)?;
+        let mut relaxed = 0;
+        let flow = |iteration: &Iteration| {
+            relaxed += usize::from(iteration.elastic);
+            if relaxed < MAX_RELAXED && go_on() { ControlFlow::Continue(()) } else { ControlFlow::Break(()) }
+        };
+        let planned = plan(robot, request, &options, flow);
+        let Plan { warm_start: WarmStart(x), .. } = planned.map_err(|error| given_up(error, relaxed))?;
         limits_reached(robot, request, &options, &x)
     };
 
@@ -147,6 +155,18 @@ pub fn nearest(
         .collect();
     let binding = reached.difference(&usual).cloned().collect();
     Some(Nearest { request, changed, binding, beyond })
+}
+
+/// The error of a solve that the search, and not the caller, has stopped.
+fn given_up(error: PlanError, relaxed: usize) -> PlanError {
+    match error {
+        PlanError::NotConverged { status: nlp::Status::Cancelled, iterations, worst, log }
+            if relaxed >= MAX_RELAXED =>
+        {
+            PlanError::NotConverged { status: nlp::Status::IterationLimit, iterations, worst, log }
+        }
+        other => other,
+    }
 }
 
 /// The inequalities that hold with equality at `x`, by name, without their points.

@@ -13,10 +13,13 @@ use ros2_client::action_msgs::{
     GoalStatusEnum,
 };
 use ros2_client::builtin_interfaces;
+use ros2_client::error::WriteError;
 use tandem_msgs::{Action, action_msgs};
 use tokio::task::JoinHandle;
 
 use crate::Wire;
+use crate::matches::Peers;
+use crate::service::INTRODUCTION_OF_CALLER;
 
 /// How often the dispatcher looks for requests. A goal takes longer than this by far.
 const TICK: Duration = Duration::from_millis(10);
@@ -77,10 +80,23 @@ struct Running<A: Action> {
 /// Says why no goal is accepted at present.
 type Accept = Box<dyn Fn() -> Result<(), String> + Send>;
 
+/// An answer on its way, to be sent as soon as its caller is known.
+struct Unsent<A: Action> {
+    request: RmwRequestId,
+    since: Instant,
+    callers: Arc<Peers>,
+    what: &'static str,
+    send: Box<dyn FnOnce(&Endpoint<A>) -> Result<(), WriteError<()>> + Send>,
+}
+
 /// The one dispatcher of an action's goals, cancels and results.
 pub(crate) struct Dispatcher<A: Action, H> {
     name: String,
     server: Endpoint<A>,
+    goal_callers: Arc<Peers>,
+    cancel_callers: Arc<Peers>,
+    result_callers: Arc<Peers>,
+    unsent: Vec<Unsent<A>>,
     waiting_limit: usize,
     accept: Accept,
     handler: Arc<Mutex<H>>,
@@ -112,10 +128,23 @@ where
     A::Result: Default,
     H: FnMut(A::Goal, &Goal<A>) -> (GoalEnd, A::Result) + Send + 'static,
 {
-    pub(crate) fn new(name: String, server: Endpoint<A>, waiting_limit: usize, accept: Accept, handler: H) -> Self {
+    /// `callers`: of its services for goals, cancels and results.
+    pub(crate) fn new(
+        name: String,
+        server: Endpoint<A>,
+        callers: [Arc<Peers>; 3],
+        waiting_limit: usize,
+        accept: Accept,
+        handler: H,
+    ) -> Self {
+        let [goal_callers, cancel_callers, result_callers] = callers;
         Dispatcher {
             name,
             server,
+            goal_callers,
+            cancel_callers,
+            result_callers,
+            unsent: Vec::new(),
             waiting_limit,
             accept,
             handler: Arc::new(Mutex::new(handler)),
@@ -138,6 +167,7 @@ where
                 self.finish().await;
             }
             self.start_next();
+            self.send_answers();
             self.goals
                 .retain(|_, goal| goal.result.as_ref().is_none_or(|(_, since)| since.elapsed() < RESULT_LIFETIME));
         }
@@ -166,9 +196,10 @@ where
             };
             let accepted = refusal.is_none();
             let stamp = now();
-            if let Err(error) = self.server.send_goal_response(request_id, SendGoalResponse { accepted, stamp }) {
-                self.warn("a goal could not be answered", &error);
-            }
+            let callers = Arc::clone(&self.goal_callers);
+            self.answer(request_id, callers, "a goal could not be answered", move |server| {
+                server.send_goal_response(request_id, SendGoalResponse { accepted, stamp })
+            });
             if let Some(refusal) = refusal {
                 tracing::warn!("action {}: a goal is rejected: {refusal}", self.name);
                 continue;
@@ -206,9 +237,10 @@ where
                     CancelGoalResponse { return_code: CancelGoalResponseEnum::Rejected, goals_canceling: Vec::new() }
                 }
             };
-            if let Err(error) = self.server.send_cancel_response(request_id, response) {
-                self.warn("a cancel request could not be answered", &error);
-            }
+            let callers = Arc::clone(&self.cancel_callers);
+            self.answer(request_id, callers, "a cancel request could not be answered", move |server| {
+                server.send_cancel_response(request_id, response)
+            });
             self.publish_status();
         }
     }
@@ -270,9 +302,33 @@ where
         }
     }
 
-    fn respond(&self, request_id: RmwRequestId, status: GoalStatusEnum, result: A::Result) {
-        if let Err(error) = self.server.send_result(request_id, GetResultResponse { status, result: Wire(result) }) {
-            self.warn("a result could not be sent", &error);
+    fn respond(&mut self, request_id: RmwRequestId, status: GoalStatusEnum, result: A::Result) {
+        let callers = Arc::clone(&self.result_callers);
+        self.answer(request_id, callers, "a result could not be sent", move |server| {
+            server.send_result(request_id, GetResultResponse { status, result: Wire(result) })
+        });
+    }
+
+    fn answer(
+        &mut self,
+        request: RmwRequestId,
+        callers: Arc<Peers>,
+        what: &'static str,
+        send: impl FnOnce(&Endpoint<A>) -> Result<(), WriteError<()>> + Send + 'static,
+    ) {
+        self.unsent.push(Unsent { request, since: Instant::now(), callers, what, send: Box::new(send) });
+        self.send_answers();
+    }
+
+    /// Sends what can be received, and what nobody has become known for in time.
+    fn send_answers(&mut self) {
+        let ready = |answer: &mut Unsent<A>| {
+            answer.callers.caller_is_matched(answer.request) || answer.since.elapsed() >= INTRODUCTION_OF_CALLER
+        };
+        for answer in self.unsent.extract_if(.., ready) {
+            if let Err(error) = (answer.send)(&self.server) {
+                tracing::warn!("action {}: {}: {error}", self.name, answer.what);
+            }
         }
     }
 

@@ -4,9 +4,9 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, PoisonError, RwLock, Weak};
 use std::time::{Duration, Instant};
 
-use futures::FutureExt;
 use tandem_msgs::Service;
 
+use crate::matches::Peers;
 use crate::node::Core;
 use crate::{CallError, Wire};
 
@@ -24,6 +24,7 @@ pub(crate) struct Inner<S: Service> {
     /// One call at a time: with more in flight the middleware loses responses.
     turn: tokio::sync::Mutex<()>,
     settled: AtomicBool,
+    servers: Peers,
 }
 
 impl<S: Service> Inner<S> {
@@ -46,13 +47,14 @@ impl<S: Service> Clone for Client<S> {
 }
 
 impl<S: Service> Client<S> {
-    pub(crate) fn new(service: String, endpoint: Endpoint<S>, core: Arc<Core>) -> Self {
+    pub(crate) fn new(service: String, endpoint: Endpoint<S>, servers: Peers, core: Arc<Core>) -> Self {
         Client {
             service: service.into(),
             inner: Arc::new(Inner {
                 endpoint: RwLock::new(Some(Arc::new(endpoint))),
                 turn: tokio::sync::Mutex::new(()),
                 settled: AtomicBool::new(false),
+                servers,
             }),
             core,
         }
@@ -98,7 +100,7 @@ impl<S: Service> Client<S> {
             .unwrap_or_else(PoisonError::into_inner)
             .clone()
             .ok_or_else(|| CallError::ShutDown { service: service() })?;
-        while !self.is_available(&endpoint)? {
+        while !self.inner.servers.server_is_matched() {
             if Instant::now() >= deadline {
                 return Err(CallError::NoServer { service: service(), waited: patience });
             }
@@ -117,11 +119,5 @@ impl<S: Service> Client<S> {
             Ok(response) => response.map(|Wire(response)| response),
             Err(_) => Err(no_response()),
         }
-    }
-
-    fn is_available(&self, endpoint: &Endpoint<S>) -> Result<bool, CallError> {
-        self.core
-            .with_node(|node| endpoint.wait_for_service(node).now_or_never().is_some())
-            .ok_or_else(|| CallError::ShutDown { service: self.service.to_string() })
     }
 }

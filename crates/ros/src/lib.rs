@@ -50,6 +50,7 @@ mod error;
 mod folder;
 mod lifecycle;
 mod logging;
+mod matches;
 mod names;
 mod node;
 mod parameters;

@@ -9,7 +9,7 @@ use std::time::{Duration, Instant};
 use futures::StreamExt;
 use ros2_client::action::ActionServerQosPolicies;
 use ros2_client::dds::ServiceMapping;
-use ros2_client::dds::rustdds::DomainParticipantBuilder;
+use ros2_client::dds::rustdds::{DomainParticipantBuilder, GUID};
 use ros2_client::{ActionTypeName, Context, Gid, MessageTypeName, Name, NodeName, NodeOptions, ServiceTypeName};
 use tandem_msgs::builtin_interfaces::Time;
 use tandem_msgs::rcl_interfaces as wire;
@@ -22,6 +22,7 @@ use tokio::task::JoinHandle;
 use crate::action::{Dispatcher, Goal, GoalEnd};
 use crate::arguments::{Arguments, DiscoveryRange};
 use crate::client::Client;
+use crate::matches::{Matches, Peers};
 use crate::names::{self, Subject};
 use crate::parameters::{ParameterBuilder, ParameterType, Store};
 use crate::publisher::{Publisher, Raw, RawPublisher, Slot};
@@ -89,6 +90,7 @@ pub(crate) struct Core {
     namespace: String,
     remaps: Vec<names::Remap>,
     context: Mutex<Option<Context>>,
+    pub(crate) matches: Matches,
 }
 
 impl Core {
@@ -112,6 +114,22 @@ impl Core {
             .map(|writer| writer.publication_topic_data.type_name)
     }
 
+    /// The other participants' readers on a topic (the middleware's name of it), as far as they are known.
+    pub(crate) fn discovered_readers(&self, topic: &str) -> Vec<GUID> {
+        let readers =
+            self.context().map(|context| context.domain_participant().discovered_readers()).unwrap_or_default();
+        let on_topic = readers.into_iter().filter(|reader| reader.subscription_topic_data.topic_name() == topic);
+        on_topic.map(|reader| reader.reader_proxy.remote_reader_guid).collect()
+    }
+
+    /// The other participants' writers on a topic (the middleware's name of it), as far as they are known.
+    pub(crate) fn discovered_writers(&self, topic: &str) -> Vec<GUID> {
+        let writers =
+            self.context().map(|context| context.domain_participant().discovered_writers()).unwrap_or_default();
+        let on_topic = writers.into_iter().filter(|writer| writer.publication_topic_data.topic_name == topic);
+        on_topic.map(|writer| writer.writer_proxy.remote_writer_guid).collect()
+    }
+
     fn full_name(&self, name: &str, subject: Subject) -> Result<String, RosError> {
         names::resolve(name, subject, &self.namespace, &self.name, &self.remaps)
     }
@@ -132,7 +150,6 @@ pub struct Node {
     core: Arc<Core>,
     store: Arc<Store>,
     runtime: Option<Runtime>,
-    spinner: Option<JoinHandle<()>>,
     tasks: Mutex<Vec<JoinHandle<()>>>,
     closers: Mutex<Vec<Box<dyn FnOnce() + Send>>>,
     stop: Stop,
@@ -161,6 +178,9 @@ impl Node {
             .build()
             .map_err(|error| create(error.to_string()))?;
 
+        // First of all: from the moment that others see anything of the node they may ask it to end.
+        let stop = Stop::new();
+        watch_signals(runtime.handle(), &stop)?;
         let mut builder = DomainParticipantBuilder::new(arguments.domain_id);
         if arguments.range == DiscoveryRange::Localhost {
             builder = builder.with_only_networks([Ipv4Addr::LOCALHOST]);
@@ -170,13 +190,8 @@ impl Node {
         let context = Context::from_domain_participant(participant).map_err(|error| create(error.to_string()))?;
         let node_name = NodeName::new(&namespace, &name).map_err(|error| create(error.to_string()))?;
         let options = NodeOptions::new().enable_rosout(false).start_parameter_services(false);
-        let mut inner = context.new_node(node_name, options).map_err(|error| create(error.to_string()))?;
-        let spinner = inner.spinner().map_err(|error| create(error.to_string()))?;
-        let spinner = runtime.spawn(async move {
-            if let Err(error) = spinner.spin().await {
-                tracing::error!("discovery ended: {error}");
-            }
-        });
+        let inner = context.new_node(node_name, options).map_err(|error| create(error.to_string()))?;
+        let listener = context.domain_participant().status_listener();
 
         let full_name = names::expand("~", &namespace, &name)?;
         let core = Arc::new(Core {
@@ -186,6 +201,7 @@ impl Node {
             namespace,
             remaps: arguments.remaps.clone(),
             context: Mutex::new(Some(context)),
+            matches: Matches::default(),
         });
         let (changes, mut changed) = tokio::sync::mpsc::unbounded_channel();
         let store = Arc::new(Store::new(full_name.clone(), &arguments.overrides, move |change| {
@@ -196,13 +212,14 @@ impl Node {
             core,
             store,
             runtime: Some(runtime),
-            spinner: Some(spinner),
             tasks: Mutex::default(),
             closers: Mutex::default(),
-            stop: Stop::new(),
+            stop,
             simulated: None,
         };
-        node.watch_signals()?;
+        // In place of the middleware's own task, which also follows other nodes' descriptions (and keeps them for ever) and reads
+        // /clock as another type.
+        node.spawn(Matches::follow(Arc::clone(&node.core), listener));
         node.serve_parameters()?;
         let events = node.publisher::<wire::ParameterEvent>("/parameter_events", Qos::reliable(1000))?;
         node.spawn(async move {
@@ -398,6 +415,7 @@ impl Node {
     ) -> Result<(), RosError> {
         let full = self.core.full_name(service, Subject::Service)?;
         let name = dds_name(&full)?;
+        let callers = Peers::new(&self.core, &full);
         let server = self
             .core
             .with_node(|node| {
@@ -411,7 +429,7 @@ impl Node {
             })
             .ok_or_else(|| self.shut_down(&full))?
             .map_err(|error| RosError::Create { what: format!("service {full}"), reason: error.to_string() })?;
-        self.spawn(serve::<S>(full, server, options, handler));
+        self.spawn(serve::<S>(full, server, callers, options, handler));
         Ok(())
     }
 
@@ -440,6 +458,8 @@ impl Node {
             feedback_publisher: Qos::reliable(100).profile(),
             status_publisher: Qos::latched().profile(),
         };
+        let callers = ["send_goal", "cancel_goal", "get_result"]
+            .map(|service| Arc::new(Peers::new(&self.core, &format!("{full}/_action/{service}"))));
         let server = self
             .core
             .with_node(|node| {
@@ -452,7 +472,7 @@ impl Node {
             })
             .ok_or_else(|| self.shut_down(&full))?
             .map_err(|error| RosError::Create { what: format!("action {full}"), reason: error.to_string() })?;
-        self.spawn(Dispatcher::<A, _>::new(full, server, waiting, Box::new(accept), handler).run());
+        self.spawn(Dispatcher::<A, _>::new(full, server, callers, waiting, Box::new(accept), handler).run());
         Ok(())
     }
 
@@ -464,6 +484,7 @@ impl Node {
         let full = self.core.full_name(service, Subject::Service)?;
         let name = dds_name(&full)?;
         let profile = Qos::service();
+        let servers = Peers::new(&self.core, &full);
         let inner = self
             .core
             .with_node(|node| {
@@ -477,7 +498,7 @@ impl Node {
             })
             .ok_or_else(|| self.shut_down(&full))?
             .map_err(|error| RosError::Create { what: format!("client of {full}"), reason: error.to_string() })?;
-        let client = Client::new(full, inner, Arc::clone(&self.core));
+        let client = Client::new(full, inner, servers, Arc::clone(&self.core));
         self.close_with(client.weak(), |inner| inner.close());
         Ok(client)
     }
@@ -523,7 +544,6 @@ impl Node {
             core: Arc::clone(&self.core),
             store: Arc::clone(&self.store),
             runtime: None,
-            spinner: None,
             tasks: Mutex::default(),
             closers: Mutex::default(),
             stop: self.stop.clone(),
@@ -565,7 +585,7 @@ impl Node {
         self.core.handle.block_on(self.stop.requested());
     }
 
-    /// Ends the node so that others see it leave at once: publishers and clients first, then the node, its spinner and the
+    /// Ends the node so that others see it leave at once: publishers and clients first, then the node and the
     /// participant. Publishers that are still held elsewhere report [`PublishError::ShutDown`](crate::PublishError::ShutDown).
     pub fn shutdown(mut self) {
         self.end();
@@ -582,7 +602,6 @@ impl Node {
         }
         let deadline = Instant::now() + SHUTDOWN_PATIENCE;
         let closers = std::mem::take(&mut *self.closers.lock().unwrap_or_else(PoisonError::into_inner));
-        let spinner = self.spinner.take();
         let core = Arc::clone(&self.core);
         runtime.block_on(async move {
             for task in tasks.drain(..) {
@@ -593,11 +612,6 @@ impl Node {
                 close();
             }
             drop(core.node.lock().unwrap_or_else(PoisonError::into_inner).take());
-            if let Some(spinner) = spinner
-                && tokio::time::timeout_at(deadline.into(), spinner).await.is_err()
-            {
-                tracing::warn!("the discovery task did not end in time");
-            }
             // The announcement that the node is gone is on its way; the participant must not end before it has left.
             tokio::time::sleep(FAREWELL).await;
         });
@@ -632,46 +646,6 @@ impl Node {
         }));
     }
 
-    fn watch_signals(&self) -> Result<(), RosError> {
-        use tokio::signal::unix::{SignalKind, signal};
-        let _guard = self.core.handle.enter();
-        let listen = |kind| {
-            signal(kind)
-                .map_err(|error| RosError::Create { what: "signal handler".to_string(), reason: error.to_string() })
-        };
-        let mut interrupt = listen(SignalKind::interrupt())?;
-        let mut terminate = listen(SignalKind::terminate())?;
-        let mut goes_on = listen(SignalKind::from_raw(libc::SIGCONT))?;
-        let stop = self.stop.clone();
-        let mut asked: Option<Instant> = None;
-        // Not one of the tasks that the end aborts: a second signal must work while the node shuts down.
-        self.core.handle.spawn(async move {
-            loop {
-                tokio::select! {
-                    _ = interrupt.recv() => {}
-                    _ = terminate.recv() => {}
-                    _ = goes_on.recv() => {
-                        tracing::error!(
-                            "this process was stopped (SIGSTOP or Ctrl-Z) and goes on; its connections did not outlive that, so it ends: start it again"
-                        );
-                        stop.suspended.store(true, Ordering::SeqCst);
-                        stop.request();
-                        continue;
-                    }
-                }
-                match asked {
-                    None => asked = Some(Instant::now()),
-                    // The same wish twice: a terminal tells the whole group, and a launch system tells its nodes once more.
-                    Some(first) if first.elapsed() < SAME_WISH => {}
-                    // The shell's number for a process ended by SIGINT.
-                    Some(_) => std::process::exit(130),
-                }
-                stop.request();
-            }
-        });
-        Ok(())
-    }
-
     fn serve_parameters(&self) -> Result<(), RosError> {
         macro_rules! service {
             ($service:ident, $name:literal, $method:ident) => {
@@ -699,6 +673,46 @@ impl Node {
         });
         Ok(())
     }
+}
+
+/// Lets SIGINT and SIGTERM ask for the end; a second one, [`SAME_WISH`] later or more, ends the process at once.
+fn watch_signals(handle: &Handle, stop: &Stop) -> Result<(), RosError> {
+    use tokio::signal::unix::{SignalKind, signal};
+    let _guard = handle.enter();
+    let listen = |kind| {
+        signal(kind).map_err(|error| RosError::Create { what: "signal handler".to_string(), reason: error.to_string() })
+    };
+    let mut interrupt = listen(SignalKind::interrupt())?;
+    let mut terminate = listen(SignalKind::terminate())?;
+    let mut goes_on = listen(SignalKind::from_raw(libc::SIGCONT))?;
+    let stop = stop.clone();
+    let mut asked: Option<Instant> = None;
+    // Not one of the tasks that the end aborts: a second signal must work while the node shuts down.
+    handle.spawn(async move {
+        loop {
+            tokio::select! {
+                _ = interrupt.recv() => {}
+                _ = terminate.recv() => {}
+                _ = goes_on.recv() => {
+                    tracing::error!(
+                        "this process was stopped (SIGSTOP or Ctrl-Z) and goes on; its connections did not outlive that, so it ends: start it again"
+                    );
+                    stop.suspended.store(true, Ordering::SeqCst);
+                    stop.request();
+                    continue;
+                }
+            }
+            match asked {
+                None => asked = Some(Instant::now()),
+                // The same wish twice: a terminal tells the whole group, and a launch system tells its nodes once more.
+                Some(first) if first.elapsed() < SAME_WISH => {}
+                // The shell's number for a process ended by SIGINT.
+                Some(_) => std::process::exit(130),
+            }
+            stop.request();
+        }
+    });
+    Ok(())
 }
 
 impl Drop for Node {

@@ -2,6 +2,7 @@
 
 use std::collections::VecDeque;
 use std::sync::Arc;
+use std::time::Duration;
 
 use futures::StreamExt;
 use futures::stream::FuturesUnordered;
@@ -9,6 +10,11 @@ use ros2_client::RmwRequestId;
 use tandem_msgs::Service;
 
 use crate::Wire;
+use crate::matches::Peers;
+
+/// How long an answer waits for a caller whose reader is not known yet. A request can overtake the news of it, and what is sent
+/// before is lost; whoever is unknown after this has gone or never listened.
+pub(crate) const INTRODUCTION_OF_CALLER: Duration = Duration::from_secs(1);
 
 type Refuse<S> = Box<dyn Fn(&<S as Service>::Request) -> <S as Service>::Response + Send + Sync>;
 
@@ -46,6 +52,7 @@ type Endpoint<S> = ros2_client::Server<Wire<<S as Service>::Request>, Wire<<S as
 pub(crate) async fn serve<S: Service>(
     service: String,
     server: Endpoint<S>,
+    callers: Peers,
     options: ServeOptions<S>,
     handler: impl Fn(S::Request) -> S::Response + Send + Sync + 'static,
 ) {
@@ -53,7 +60,8 @@ pub(crate) async fn serve<S: Service>(
     let mut requests = server.receive_request_stream();
     let mut waiting: VecDeque<(RmwRequestId, S::Request)> = VecDeque::new();
     let mut running = FuturesUnordered::new();
-    // An answer may wait long for room behind a stalled client; no other request must wait for that, least of all one to stop.
+    // An answer may wait for its caller to become known, and long for room behind a stalled client; no other request must wait for
+    // that, least of all one to stop.
     let mut unsent = FuturesUnordered::new();
     loop {
         while running.len() < options.parallel
@@ -67,7 +75,7 @@ pub(crate) async fn serve<S: Service>(
             received = requests.next() => match received {
                 Some(Ok((id, Wire(request)))) => match &options.refuse {
                     Some(refuse) if running.len() >= options.parallel && waiting.len() >= options.waiting => {
-                        unsent.push(respond::<S>(&service, &server, id, refuse(&request)));
+                        unsent.push(respond::<S>(&service, &server, &callers, id, refuse(&request)));
                     }
                     _ => waiting.push_back((id, request)),
                 },
@@ -75,7 +83,7 @@ pub(crate) async fn serve<S: Service>(
                 None => return,
             },
             Some((id, outcome)) = running.next() => match outcome {
-                Ok(response) => unsent.push(respond::<S>(&service, &server, id, response)),
+                Ok(response) => unsent.push(respond::<S>(&service, &server, &callers, id, response)),
                 Err(error) => {
                     tracing::error!("service {service}: the handler failed, the caller gets no response: {error}");
                 }
@@ -85,7 +93,19 @@ pub(crate) async fn serve<S: Service>(
     }
 }
 
-async fn respond<S: Service>(service: &str, server: &Endpoint<S>, id: RmwRequestId, response: S::Response) {
+async fn respond<S: Service>(
+    service: &str,
+    server: &Endpoint<S>,
+    callers: &Peers,
+    id: RmwRequestId,
+    response: S::Response,
+) {
+    if tokio::time::timeout(INTRODUCTION_OF_CALLER, callers.caller_matched(id)).await.is_err() {
+        tracing::debug!(
+            "service {service}: nobody is known to wait for the response to {:?}; it is sent anyway",
+            id.writer_gid
+        );
+    }
     if let Err(error) = server.async_send_response(id, Wire(response)).await {
         tracing::error!("service {service}: the response could not be sent: {error}");
     }

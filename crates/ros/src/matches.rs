@@ -1,0 +1,161 @@
+//! Which endpoints of other participants the middleware has connected with this node's, told by its own events.
+
+use std::collections::BTreeMap;
+use std::pin::pin;
+use std::sync::Arc;
+
+use futures::StreamExt;
+use ros2_client::RmwRequestId;
+use ros2_client::dds::rustdds::{
+    DomainParticipantStatusEvent as Event, DomainParticipantStatusListener, GUID, StatusEvented,
+};
+use tokio::sync::watch;
+
+use crate::node::Core;
+
+/// Each remote endpoint with the number of the event that told of its latest match.
+#[derive(Default)]
+struct Table {
+    readers: BTreeMap<GUID, u64>,
+    writers: BTreeMap<GUID, u64>,
+    events: u64,
+}
+
+impl Table {
+    /// Returns whether it has changed anything.
+    fn note(&mut self, event: &Event) -> bool {
+        self.events += 1;
+        let since = |endpoints: &BTreeMap<GUID, u64>| endpoints.len();
+        let before = (since(&self.readers), since(&self.writers));
+        match event {
+            Event::RemoteReaderMatched { remote_reader, .. } => {
+                self.readers.insert(*remote_reader, self.events);
+                return true;
+            }
+            Event::RemoteWriterMatched { remote_writer, .. } => {
+                self.writers.insert(*remote_writer, self.events);
+                return true;
+            }
+            Event::ReaderLost { guid, .. } => drop(self.readers.remove(guid)),
+            Event::WriterLost { guid, .. } => drop(self.writers.remove(guid)),
+            // Its endpoints are not taken leave of one by one.
+            Event::ParticipantLost { id, .. } => {
+                self.readers.retain(|guid, _| guid.prefix != *id);
+                self.writers.retain(|guid, _| guid.prefix != *id);
+            }
+            _ => {}
+        }
+        before != (since(&self.readers), since(&self.writers))
+    }
+}
+
+/// The matches of all endpoints of a node.
+#[derive(Default)]
+pub(crate) struct Matches(watch::Sender<Table>);
+
+impl Matches {
+    /// Keeps the table up to date until it is aborted. The middleware has one queue of events: nobody else may read it.
+    pub(crate) async fn follow(core: Arc<Core>, listener: DomainParticipantStatusListener) {
+        let mut events = pin!(listener.as_async_status_stream());
+        while let Some(event) = events.next().await {
+            core.matches.0.send_if_modified(|table| table.note(&event));
+        }
+    }
+
+    /// How many events there have been. An endpoint made now is matched by later ones only.
+    fn now(&self) -> u64 {
+        self.0.borrow().events
+    }
+}
+
+/// What a service's endpoints on one side are connected with.
+pub(crate) struct Peers {
+    core: Arc<Core>,
+    requests: String,
+    replies: String,
+    /// Matches from before are those of endpoints that had these names earlier.
+    since: u64,
+}
+
+impl Peers {
+    /// Of the service with this full name, whose endpoints are about to be made.
+    pub(crate) fn new(core: &Arc<Core>, service: &str) -> Self {
+        Peers {
+            core: Arc::clone(core),
+            requests: format!("rq{service}Request"),
+            replies: format!("rr{service}Reply"),
+            since: core.matches.now(),
+        }
+    }
+
+    /// Whether a server hears our requests and its answers reach us.
+    pub(crate) fn server_is_matched(&self) -> bool {
+        let (readers, writers) =
+            (self.core.discovered_readers(&self.requests), self.core.discovered_writers(&self.replies));
+        let table = self.core.matches.0.borrow();
+        readers.iter().any(|reader| self.is_recent(table.readers.get(reader)))
+            && writers.iter().any(|writer| self.is_recent(table.writers.get(writer)))
+    }
+
+    /// Whether an answer to this request would reach the caller: an answer sent earlier is lost.
+    pub(crate) fn caller_is_matched(&self, request: RmwRequestId) -> bool {
+        let caller = GUID::from(request.writer_gid);
+        if caller.entity_id.entity_kind.is_reader() {
+            // Fast DDS's clients name the reader that waits for the answer.
+            return self.is_recent(self.core.matches.0.borrow().readers.get(&caller));
+        }
+        // Others, ours among them, name the writer of the request.
+        let readers = self.core.discovered_readers(&self.replies);
+        let table = self.core.matches.0.borrow();
+        readers.iter().any(|reader| reader.prefix == caller.prefix && self.is_recent(table.readers.get(reader)))
+    }
+
+    /// Waits until [`Peers::caller_is_matched`].
+    pub(crate) async fn caller_matched(&self, request: RmwRequestId) {
+        let mut changes = self.core.matches.0.subscribe();
+        while !self.caller_is_matched(request) {
+            // The sender lives as long as the core, so waiting cannot fail.
+            let _ = changes.changed().await;
+        }
+    }
+
+    fn is_recent(&self, event: Option<&u64>) -> bool {
+        event.is_some_and(|event| *event > self.since)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use ros2_client::dds::rustdds::LostReason;
+
+    use super::*;
+
+    fn guid(participant: u8, entity: u8, kind: u8) -> GUID {
+        let mut bytes = [participant; 16];
+        bytes[12..].copy_from_slice(&[0, 0, entity, kind]);
+        GUID::from_bytes(bytes)
+    }
+
+    #[test]
+    fn endpoints_are_matched_until_they_or_their_participant_are_lost() {
+        let mut table = Table::default();
+        let writer = guid(0, 1, 3);
+        let (first, second, other) = (guid(1, 1, 4), guid(1, 2, 4), guid(2, 1, 4));
+        for remote_reader in [first, second, other] {
+            assert!(table.note(&Event::RemoteReaderMatched { local_writer: writer, remote_reader }));
+        }
+        assert!(table.note(&Event::RemoteWriterMatched { local_reader: first, remote_writer: guid(1, 3, 3) }));
+        assert_eq!(
+            table.readers.iter().map(|(guid, event)| (*guid, *event)).collect::<Vec<_>>(),
+            [(first, 1), (second, 2), (other, 3)]
+        );
+        // Matched once more, by an endpoint made later.
+        assert!(table.note(&Event::RemoteReaderMatched { local_writer: writer, remote_reader: first }));
+        assert_eq!(table.readers[&first], 5);
+        assert!(table.note(&Event::ReaderLost { guid: first, reason: LostReason::Disposed }));
+        assert!(!table.note(&Event::ReaderLost { guid: first, reason: LostReason::Disposed }));
+        assert!(table.note(&Event::ParticipantLost { id: second.prefix, reason: LostReason::Disposed }));
+        assert_eq!(table.readers.keys().collect::<Vec<_>>(), [&other]);
+        assert!(table.writers.is_empty());
+    }
+}
