@@ -122,6 +122,17 @@ LINES = """
 --params-file named.yaml -p rate:=20.0
 -p rate:=20.0 --params-file named.yaml
 -p walker:rate:=20.0 -p rate:=21.0
+-p /walker:rate:=20.0
+-p /**:rate:=20.0
+-p /*:rate:=20.0
+-p /**:rate:=20.0 -p walker:rate:=21.0
+-p walker:rate:=20.0 -p /**:rate:=21.0
+-r __ns:=/robot -p /robot/walker:rate:=20.0
+-r __ns:=/robot -p /*/walker:rate:=20.0
+-r __node:=a -p walker:rate:=20.0
+-r __node:=a -p a:rate:=20.0
+--params-file any.yaml -p /**:rate:=20.0
+--params-file named.yaml -p /**:rate:=20.0
 -p rate:=21.0 -p walker:rate:=20.0
 --params-file full.yaml --params-file named.yaml --params-file any.yaml -r __ns:=/robot
 --params-file groups.yaml

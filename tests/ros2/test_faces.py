@@ -286,6 +286,50 @@ def test_a_standing_robot_weighs_what_it_weighs_and_a_push_moves_it(robot):
     assert robot.mode() == "standing"
 
 
+def test_the_ground_is_the_one_that_the_parameters_name(processes, client):
+    """A robot without a controller, limp, on slippery ground, pushed forward for a second: it slides off, or not."""
+    from geometry_msgs.msg import WrenchStamped
+    from nav_msgs.msg import Odometry
+    from sensor_msgs.msg import Imu
+    from std_srvs.srv import SetBool
+
+    grounds = {
+        "flat": [],
+        "slope": ["slope_uphill_deg:=-10.0"],
+        "rough": ["bump_height_m:=0.2", "bump_cell_m:=0.2", "seed:=3"],
+        "steps": ["stair_rise_m:=0.3"],
+    }
+    push = WrenchStamped()
+    push.wrench.force.x = 150.0
+    came, leaned, lay = {}, {}, {}
+    for terrain, parameters in grounds.items():
+        namespace = f"/ground_{terrain}"
+        common = [f"terrain:={terrain}", "friction:=0.05", "push_duration_s:=1.0", "start_paused:=true", "mode:=realtime"]
+        bridge = start(processes, "sim_bridge", namespace, *common, *parameters)
+        odometry, attitude = [], []
+        client.node.create_subscription(Odometry, f"{namespace}/odom", odometry.append, best_effort(1))
+        client.node.create_subscription(Imu, f"{namespace}/imu", attitude.append, best_effort(1))
+        publisher = client.node.create_publisher(WrenchStamped, f"{namespace}/push", 10)
+        pause = client.service(SetBool, f"{namespace}/pause")
+        wait_until(lambda: publisher.get_subscription_count() == 1, 20, "push is heard")
+        assert client.call(pause, SetBool.Request(data=False)).success
+        now = lambda odometry=odometry: seconds(odometry[-1].header.stamp) if odometry else 0.0
+        wait_until(lambda: now() > 1.0 and attitude, 30, "it lies")
+        q, lay[terrain] = attitude[-1].orientation, odometry[-1].pose.pose.position.z
+        leaned[terrain] = math.degrees(math.asin(2 * (q.w * q.y - q.z * q.x)))
+        publisher.publish(push)
+        since = now()
+        wait_until(lambda: now() > since + 2.0, 30, "the push is over")
+        came[terrain] = odometry[-1].pose.pose.position.x
+        assert bridge.stop() == 0, bridge.text()
+    told = f"came m {came}, pitch deg {leaned}, height m {lay}"
+    print(told)
+    assert abs(leaned["flat"]) < 1 and leaned["slope"] == pytest.approx(10, abs=2), told
+    assert abs(lay["rough"] - lay["flat"]) > 0.02 and abs(lay["steps"] - lay["flat"]) < 0.005, told
+    # The first stair, as high as a wall, stands a metre in front of the origin.
+    assert came["flat"] > 1.2 and came["slope"] > came["flat"] + 0.3 and came["steps"] < 1.0, told
+
+
 def test_a_gait_file_is_loaded_walked_recorded_and_stopped_by_either_emergency_stop(robot, tmp_path):
     from std_msgs.msg import Bool
     from std_srvs.srv import SetBool, Trigger

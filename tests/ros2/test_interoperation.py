@@ -10,7 +10,7 @@ from conftest import wait_until
 @pytest.fixture(scope="module")
 def exercise(processes, ros):
     process = processes(
-        "examples/exercise", "--ros-args", "-r", "__ns:=/robot", "-p", "gain:=2.5", "-r", "generate:=plan", name="exercise"
+        "examples/exercise", "--ros-args", "-r", "__ns:=/robot", "-p", "gain:=2.5", "-p", "nobody:=1", "-r", "generate:=plan", name="exercise"
     )
     wait_until(lambda: "ready" in process.text() or not process.alive(), 20, "exercise is ready")
     assert process.alive(), process.text()
@@ -224,7 +224,11 @@ def test_log_lines_reach_rosout(client, exercise):
     qos = QoSProfile(depth=1000, reliability=ReliabilityPolicy.RELIABLE, durability=DurabilityPolicy.TRANSIENT_LOCAL)
     client.node.create_subscription(Log, "/rosout", lines.append, qos)
     ours = wait_until(lambda: [line for line in lines if line.name == "robot.exercise"], 10, "a line of ours")
-    assert any(line.msg == "ready" and line.level == 20 and line.stamp.sec > 0 for line in ours)
+    wait_until(lambda: any(line.msg == "ready" and line.level == 20 and line.stamp.sec > 0 for line in lines), 5, lambda: f"INFO: {lines}")
+    warned = lambda: [line for line in lines if line.name == "robot.exercise" and 'parameter "nobody" was given' in line.msg]
+    wait_until(warned, 5, lambda: f"the warning: {lines}")
+    assert {line.level for line in warned()} == {30}
+    assert all(line.level >= 20 for line in ours), "no debug lines unless they are asked for"
 
 
 def test_a_publisher_of_another_type_is_dropped_and_named(client, exercise, processes):

@@ -51,11 +51,13 @@ def goals(client, planner):
 
 
 def test_a_goal_succeeds_with_feedback_for_every_iteration_and_its_gait_on_the_topic(client, goals):
-    from action_msgs.msg import GoalStatus
+    from action_msgs.msg import GoalStatus, GoalStatusArray
     from tandem_msgs.msg import Gait
     from test_walk import latched
 
-    gaits, heard = [], []
+    gaits, heard, statuses = [], [], []
+    # What `ros2 action` and dashboards read.
+    client.node.create_subscription(GoalStatusArray, "/planning/generate_gait/_action/status", statuses.append, latched())
     client.node.create_subscription(Gait, "/planning/gait", gaits.append, latched())
     handle = goals.send(lambda message: heard.append(message.feedback), behaviour="amble", speed_m_s=[0.3])
     assert handle.accepted
@@ -69,6 +71,8 @@ def test_a_goal_succeeds_with_feedback_for_every_iteration_and_its_gait_on_the_t
     assert heard[-1].max_violation <= 1e-5 and heard[0].max_violation > heard[-1].max_violation
     assert all(later.elapsed_s > earlier.elapsed_s for earlier, later in zip(heard, heard[1:]))
     wait_until(lambda: any(gait.header.stamp == result.gait_stamp for gait in gaits), 5, "the gait on its topic")
+    of_goal = lambda: [goal.status for message in statuses for goal in message.status_list if bytes(goal.goal_info.goal_id.uuid) == bytes(handle.goal_id.uuid)]
+    wait_until(lambda: GoalStatus.STATUS_SUCCEEDED in of_goal(), 5, lambda: f"its end on the status topic: {of_goal()}")
     # A goal carries the service's fields.
     sloped = goals.result(goals.send(behaviour="amble", slope_rad=[0.05], reference="planned_joints")).result
     assert sloped.success and sloped.solver.objective != result.solver.objective

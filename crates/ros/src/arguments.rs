@@ -274,7 +274,12 @@ fn parameter(text: &str) -> Result<Override, RosError> {
     let wrong = |reason: String| RosError::Argument { argument: format!("-p {text}"), reason };
     let (name, value) = text.split_once(":=").ok_or_else(|| wrong("expected NAME:=VALUE".to_string()))?;
     let (node, name) = match name.split_once(':') {
-        Some((node, name)) => (format!("/**/{}", node.trim_start_matches('/')), name),
+        Some((node, _)) if check_node_name(node).is_err() => {
+            return Err(wrong(format!(
+                "the node is \"{node}\"; expected its name alone, without namespace or wildcards (those are for --params-file)"
+            )));
+        }
+        Some((node, name)) => (format!("/**/{node}"), name),
         None => ("/**".to_string(), name),
     };
     if name.is_empty() {
