@@ -273,6 +273,38 @@ def test_four_clients_at_once_are_answered_while_one_asks_the_impossible(client,
     assert max(slowest[1:]) < max(1.0, 0.5 * slowest[0]), f"held up by the impossible: {slowest}"
 
 
+def test_gaits_are_stamped_by_the_simulations_clock_where_it_is_asked_for(client, processes):
+    from rosgraph_msgs.msg import Clock
+    from tandem_msgs.srv import GenerateGait
+    from test_walk import best_effort, seconds
+
+    arguments = ["-r", "__ns:=/simulated", "-r", "/clock:=/simulated/clock", "-p", "use_sim_time:=true"]
+    process = processes("tandem_planner", "--ros-args", *arguments)
+    clock = client.node.create_publisher(Clock, "/simulated/clock", best_effort(1))
+    generate = client.service(GenerateGait, "/simulated/generate_gait")
+
+    def stamp_at(time_s):
+        """Of a gait planned while the clock says this; before it is heard it is 0 there."""
+        message, deadline = Clock(), time.monotonic() + 20
+        message.clock.sec, message.clock.nanosec = int(time_s), int(1e9 * (time_s % 1))
+        while time.monotonic() < deadline:
+            clock.publish(message)
+            time.sleep(0.05)
+            answer = client.call(generate, GenerateGait.Request(behaviour="gait1"))
+            assert answer.success, answer.message
+            if seconds(answer.gait_stamp) >= time_s:
+                return answer.gait_stamp
+        raise AssertionError(f"no gait is stamped {time_s}: {answer.gait_stamp}")
+
+    first = stamp_at(1234.5)
+    assert (first.sec, first.nanosec) == (1234, 500_000_000)
+    # Time stands still, and an answer still names its own gait.
+    second = client.call(generate, GenerateGait.Request(behaviour="gait1")).gait_stamp
+    assert (second.sec, second.nanosec) == (1234, 500_000_001)
+    assert stamp_at(2000.0).sec == 2000
+    assert process.stop() == 0
+
+
 def test_what_is_too_much_is_refused_with_a_reason(client, processes):
     from tandem_msgs.srv import GenerateGait
 

@@ -26,7 +26,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
         .validate("not 7", |value| if *value == 7.0 { Err("7 is taken".to_string()) } else { Ok(()) })
         .declare()?;
     let _names = node.parameter("group.names", vec!["a".to_string()]).declare()?;
-    node.warn_of_unused_parameters();
+    node.parameters_are_declared();
 
     let output = node.publisher::<Gait>("output", Qos::reliable(100))?;
     node.subscribe::<Gait>("input", Qos::reliable(100), move |message| {

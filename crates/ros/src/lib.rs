@@ -71,7 +71,7 @@ pub use parameters::{Parameter, ParameterBuilder, ParameterType, ParameterValue,
 pub use publisher::{Publisher, RawPublisher};
 pub use qos::Qos;
 pub use service::ServeOptions;
-pub use time::wall_time;
+pub use time::{Clock, wall_time};
 
 /// A message as the middleware wants it: its marker trait cannot be implemented for types of another crate.
 #[derive(Clone, Debug, serde::Serialize, serde::Deserialize)]

@@ -23,8 +23,8 @@ static ROSOUT: OnceLock<SyncSender<Log>> = OnceLock::new();
 /// lines for `/rosout`.
 pub(crate) fn start(arguments: &Arguments, node: &str) -> Option<Receiver<Log>> {
     // The middleware's own warnings are about other participants' endpoints more often than about ours, and two of its modules
-    // call errors what is none: the type under which its clock reader is announced, and leaving a group that the loopback never
-    // joined.
+    // call errors what is none: other types on a topic, which a subscription says itself, and leaving a group that the loopback
+    // never joined.
     let mut directives = format!(
         "{},rustdds=error,ros2_client=error,rustdds::discovery::discovery_db=off,rustdds::network::udp_listener=off",
         arguments.log_level.as_deref().unwrap_or("info")

@@ -13,8 +13,7 @@ use ros2_client::dds::rustdds::{DomainParticipantBuilder, GUID};
 use ros2_client::{ActionTypeName, Context, Gid, MessageTypeName, Name, NodeName, NodeOptions, ServiceTypeName};
 use tandem_msgs::builtin_interfaces::Time;
 use tandem_msgs::rcl_interfaces as wire;
-use tandem_msgs::rosgraph_msgs::Clock;
-use tandem_msgs::{Action, Message, Service};
+use tandem_msgs::{Action, Message, Service, rosgraph_msgs};
 use tokio::runtime::{Handle, Runtime};
 use tokio::sync::watch;
 use tokio::task::JoinHandle;
@@ -27,7 +26,7 @@ use crate::names::{self, Subject};
 use crate::parameters::{ParameterBuilder, ParameterType, Store};
 use crate::publisher::{Publisher, Raw, RawPublisher, Slot};
 use crate::service::{ServeOptions, serve};
-use crate::{Qos, RosError, Wire, logging};
+use crate::{Clock, Qos, RosError, Wire, logging};
 
 /// How long the end of a node may take before it is given up.
 const SHUTDOWN_PATIENCE: Duration = Duration::from_secs(2);
@@ -153,8 +152,7 @@ pub struct Node {
     tasks: Mutex<Vec<JoinHandle<()>>>,
     closers: Mutex<Vec<Box<dyn FnOnce() + Send>>>,
     stop: Stop,
-    /// Simulated time in nanoseconds; None: wall time.
-    simulated: Option<Arc<AtomicI64>>,
+    clock: Clock,
 }
 
 impl Node {
@@ -215,21 +213,12 @@ impl Node {
             tasks: Mutex::default(),
             closers: Mutex::default(),
             stop,
-            simulated: None,
+            clock: Clock::default(),
         };
         // In place of the middleware's own task, which also follows other nodes' descriptions (and keeps them for ever) and reads
         // /clock as another type.
         node.spawn(Matches::follow(Arc::clone(&node.core), listener));
         node.serve_parameters()?;
-        let events = node.publisher::<wire::ParameterEvent>("/parameter_events", Qos::reliable(1000))?;
-        node.spawn(async move {
-            while let Some(change) = changed.recv().await {
-                let event = crate::parameters::Changes::into_event(change, full_name.clone(), crate::wall_time());
-                if let Err(error) = events.publish(event) {
-                    tracing::warn!("{error}");
-                }
-            }
-        });
         if let Some(lines) = lines {
             node.publish_log(lines)?;
         }
@@ -240,11 +229,21 @@ impl Node {
             .declare()?;
         if sim_time.get() {
             let time = Arc::new(AtomicI64::new(0));
-            node.simulated = Some(Arc::clone(&time));
-            node.subscribe::<Clock>("/clock", Qos::best_effort(1), move |message| {
+            node.clock = Clock::simulated(&time);
+            node.subscribe::<rosgraph_msgs::Clock>("/clock", Qos::best_effort(1), move |message| {
                 time.store(message.clock.nanoseconds(), Ordering::Relaxed);
             })?;
         }
+        let events = node.publisher::<wire::ParameterEvent>("/parameter_events", Qos::reliable(1000))?;
+        let clock = node.clock();
+        node.spawn(async move {
+            while let Some(change) = changed.recv().await {
+                let event = crate::parameters::Changes::into_event(change, full_name.clone(), clock.now());
+                if let Err(error) = events.publish(event) {
+                    tracing::warn!("{error}");
+                }
+            }
+        });
         Ok(node)
     }
 
@@ -267,10 +266,13 @@ impl Node {
     /// Simulated time where the parameter `use_sim_time` says so (0 until a clock is heard), else the wall clock.
     #[must_use]
     pub fn now(&self) -> Time {
-        match &self.simulated {
-            Some(time) => Time::from_nanoseconds(time.load(Ordering::Relaxed)),
-            None => crate::wall_time(),
-        }
+        self.clock.now()
+    }
+
+    /// What tells [`Node::now`] to threads that do not hold the node.
+    #[must_use]
+    pub fn clock(&self) -> Clock {
+        self.clock.clone()
     }
 
     /// A publisher. Names are expanded and remapped as in ROS 2.
@@ -508,9 +510,10 @@ impl Node {
         ParameterBuilder::new(Arc::clone(&self.store), name, default)
     }
 
-    /// Warns of values given on the command line or in files that no parameter of this node takes. Call it when all
-    /// parameters are declared.
-    pub fn warn_of_unused_parameters(&self) {
+    /// Call it when all parameters are declared: from then on (and at the latest a second after the node's start) the parameter
+    /// services answer. Warns of values given on the command line or in files that no parameter of this node takes.
+    pub fn parameters_are_declared(&self) {
+        self.store.complete();
         for name in self.store.unused_overrides() {
             tracing::warn!("parameter {name:?} was given but {} has no such parameter", self.full_name());
         }
@@ -547,7 +550,7 @@ impl Node {
             tasks: Mutex::default(),
             closers: Mutex::default(),
             stop: self.stop.clone(),
-            simulated: self.simulated.clone(),
+            clock: self.clock.clone(),
         }
     }
 
@@ -650,7 +653,10 @@ impl Node {
         macro_rules! service {
             ($service:ident, $name:literal, $method:ident) => {
                 let store = Arc::clone(&self.store);
-                self.serve::<wire::$service>(concat!("~/", $name), move |request| store.$method(&request))?;
+                self.serve::<wire::$service>(concat!("~/", $name), move |request| {
+                    store.wait_until_complete();
+                    store.$method(&request)
+                })?;
             };
         }
         service!(ListParameters, "list_parameters", list_parameters);

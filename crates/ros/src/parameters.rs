@@ -3,13 +3,17 @@
 use std::collections::BTreeMap;
 use std::fmt;
 use std::marker::PhantomData;
-use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
+use std::time::{Duration, Instant};
 
 use serde_yaml_ng::Value as Yaml;
 use tandem_msgs::rcl_interfaces as wire;
 
 use crate::RosError;
 use crate::arguments::Override;
+
+/// How long after its start a node's parameters are taken to be declared, if it does not say when.
+const DECLARING: Duration = Duration::from_secs(1);
 
 /// A parameter's value.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -270,6 +274,9 @@ pub(crate) struct Store {
     overrides: BTreeMap<String, ParameterValue>,
     declared: Mutex<BTreeMap<String, Entry>>,
     on_change: Box<dyn Fn(Changes) + Send + Sync>,
+    started: Instant,
+    complete: Mutex<bool>,
+    completed: Condvar,
 }
 
 impl Store {
@@ -284,7 +291,29 @@ impl Store {
             .filter(|candidate| matches(&candidate.node, &node))
             .map(|candidate| (candidate.name.clone(), candidate.value.clone()))
             .collect();
-        Store { node, overrides, declared: Mutex::default(), on_change: Box::new(on_change) }
+        Store {
+            node,
+            overrides,
+            declared: Mutex::default(),
+            on_change: Box::new(on_change),
+            started: Instant::now(),
+            complete: Mutex::default(),
+            completed: Condvar::new(),
+        }
+    }
+
+    /// All parameters are declared.
+    pub(crate) fn complete(&self) {
+        *self.complete.lock().unwrap_or_else(PoisonError::into_inner) = true;
+        self.completed.notify_all();
+    }
+
+    /// Waits until all are declared: who asks a node that is starting shall not hear that it has no such parameter.
+    pub(crate) fn wait_until_complete(&self) {
+        let complete = self.complete.lock().unwrap_or_else(PoisonError::into_inner);
+        let left = DECLARING.saturating_sub(self.started.elapsed());
+        // Whoever says nothing in time has declared all.
+        let _ = self.completed.wait_timeout_while(complete, left, |complete| !*complete);
     }
 
     fn declared(&self) -> MutexGuard<'_, BTreeMap<String, Entry>> {

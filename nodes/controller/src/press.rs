@@ -6,7 +6,7 @@ use crate::desk::Desk;
 use crate::ports;
 use crate::tape::{self, Recording};
 use control::{DampingReason, Fault, FaultReport, JOINTS, Mode};
-use ros::{Node, PublishError, Publisher, Qos, RosError, Stop};
+use ros::{Clock, Node, PublishError, Publisher, Qos, RosError, Stop};
 use rtrb::Consumer;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -30,6 +30,7 @@ pub struct Press {
     diagnostics: Publisher<DiagnosticArray>,
     joint_names: [String; JOINTS],
     node_name: String,
+    clock: Clock,
     lockstep: bool,
     /// Cycles between two messages of state.
     state_every: u64,
@@ -64,6 +65,7 @@ impl Press {
             diagnostics: node.publisher("/diagnostics", Qos::reliable(10))?,
             joint_names,
             node_name: node.full_name(),
+            clock: node.clock(),
             lockstep,
             state_every,
             joint_states_every,
@@ -242,7 +244,7 @@ impl Press {
             (DiagnosticStatus::ERROR, output.faults.iter().map(Fault::name).collect::<Vec<_>>().join(","))
         };
         DiagnosticArray {
-            header: Header { stamp: ros::wall_time(), frame_id: String::new() },
+            header: Header { stamp: self.clock.now(), frame_id: String::new() },
             status: vec![
                 self.recording_status(),
                 DiagnosticStatus {

@@ -24,7 +24,7 @@ fn run() -> anyhow::Result<()> {
     let node = Node::start("planner", &arguments)?;
     let parameters = Parameters::declare(&node)?;
     let lifecycle = node.manage(Work::new(&node, parameters))?;
-    node.warn_of_unused_parameters();
+    node.parameters_are_declared();
     lifecycle.start()?;
     let stop = node.stop();
     let ended = node.run_managed(&lifecycle);

@@ -3,11 +3,12 @@
 use std::ops::ControlFlow;
 use std::path::Path;
 use std::sync::Arc;
-use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
+use std::sync::atomic::{AtomicBool, AtomicI64, AtomicUsize, Ordering};
 use std::time::{Duration, Instant};
 
 use robot::Robot;
-use ros::{GoalEnd, Managed, Node, Publisher, Qos, RosError, ServeOptions};
+use ros::{Clock, GoalEnd, Managed, Node, Publisher, Qos, RosError, ServeOptions};
+use tandem_msgs::builtin_interfaces::Time;
 use tandem_msgs::{
     Gait, GenerateGait, GenerateGaitAction, GenerateGaitFeedback, GenerateGaitRequest, GenerateGaitResponse,
 };
@@ -83,6 +84,9 @@ impl Parameters {
 struct Desk {
     planner: Planner,
     gaits: Publisher<Gait>,
+    clock: Clock,
+    /// Of the gait before, ns.
+    stamped: AtomicI64,
     active: Arc<AtomicBool>,
     /// Requests that are being planned.
     busy: AtomicUsize,
@@ -91,6 +95,16 @@ struct Desk {
 impl Desk {
     fn is_active(&self) -> bool {
         self.active.load(Ordering::Acquire)
+    }
+
+    /// The time by the node's clock, and later than that of the gait before: an answer names its gait by its stamp, and simulated time
+    /// may stand still.
+    fn stamp(&self) -> Time {
+        let now = self.clock.now().nanoseconds();
+        let later = |before: i64| now.max(before.saturating_add(1));
+        // A function that always gives a value is always applied.
+        let before = self.stamped.fetch_update(Ordering::AcqRel, Ordering::Acquire, |before| Some(later(before)));
+        Time::from_nanoseconds(before.map_or(now, later))
     }
 
     fn answer(
@@ -112,7 +126,7 @@ impl Desk {
             if response.success && response.solver.iterations > told {
                 feedback(ports::last_feedback(&response.solver));
             }
-            announce(&request.behaviour, &mut response, gait, &self.gaits);
+            announce(&request.behaviour, &mut response, gait, self.stamp(), &self.gaits);
             response
         } else {
             inactive()
@@ -150,6 +164,8 @@ impl Work {
         let desk = Arc::new(Desk {
             planner: Planner::new(robot, time_limit, find_nearest),
             gaits: node.publisher("gait", Qos::latched())?,
+            clock: node.clock(),
+            stamped: AtomicI64::new(i64::MIN),
             active: Arc::clone(&self.active),
             busy: AtomicUsize::new(0),
         });
@@ -228,10 +244,16 @@ impl Managed for Work {
 }
 
 /// Says what came of a request, and publishes its gait if there is one; the answer then carries the gait's stamp.
-fn announce(behaviour: &str, response: &mut GenerateGaitResponse, gait: Option<Gait>, gaits: &Publisher<Gait>) {
+fn announce(
+    behaviour: &str,
+    response: &mut GenerateGaitResponse,
+    gait: Option<Gait>,
+    stamp: Time,
+    gaits: &Publisher<Gait>,
+) {
     if let Some(mut gait) = gait {
         tracing::info!("planned {}", response.message);
-        gait.header.stamp = ros::wall_time();
+        gait.header.stamp = stamp;
         response.gait_stamp = gait.header.stamp;
         if let Err(error) = gaits.publish(gait) {
             tracing::error!("{error}");

@@ -35,7 +35,7 @@ fn run() -> anyhow::Result<()> {
     let node = Node::start("sim_bridge", &arguments)?;
     let config = Config::declare(&node)?;
     let lifecycle = node.manage(Work::new(&node, config, can))?;
-    node.warn_of_unused_parameters();
+    node.parameters_are_declared();
     lifecycle.start()?;
     let stop = node.stop();
     let ended = node.run_managed(&lifecycle);
