@@ -80,13 +80,16 @@ struct Running<A: Action> {
 /// Says why no goal is accepted at present.
 type Accept = Box<dyn Fn() -> Result<(), String> + Send>;
 
+/// Hands an answer to the middleware.
+type Sending<A> = Box<dyn FnOnce(&Endpoint<A>) -> Result<(), WriteError<()>> + Send>;
+
 /// An answer on its way, to be sent as soon as its caller is known.
 struct Unsent<A: Action> {
     request: RmwRequestId,
     since: Instant,
     callers: Arc<Peers>,
     what: &'static str,
-    send: Box<dyn FnOnce(&Endpoint<A>) -> Result<(), WriteError<()>> + Send>,
+    send: Sending<A>,
 }
 
 /// The one dispatcher of an action's goals, cancels and results.
