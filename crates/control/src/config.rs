@@ -73,8 +73,12 @@ pub struct Config {
     pub posture_speed_rad_s: f64,
     /// Shortest time for moving from posture to posture, s.
     pub posture_min_s: f64,
-    /// From standing to the gait's first posture, s.
+    /// From standing to the walk's first posture, s.
     pub start_blend_s: f64,
+    /// Out of standing, the walk begins with this share of the gait's motion about its middle posture …
+    pub start_share: f64,
+    /// … and has grown to the whole of it after this time, s.
+    pub start_growth_s: f64,
     /// From the switch at which walking ends to rest, s.
     pub stop_blend_s: f64,
     /// A new gait is taken at a switch if every joint's planned position there differs by less, rad.
@@ -145,6 +149,8 @@ impl Config {
             posture_speed_rad_s: 0.8,
             posture_min_s: 0.5,
             start_blend_s: 0.6,
+            start_share: 0.3,
+            start_growth_s: 2.0,
             stop_blend_s: 0.4,
             gait_change_position_rad: 0.08,
             gait_change_velocity_rad_s: 1.5,
@@ -174,6 +180,8 @@ impl Config {
             ("posture_speed_rad_s", self.posture_speed_rad_s, 0.01, 10.0),
             ("posture_min_s", self.posture_min_s, 0.1, 60.0),
             ("start_blend_s", self.start_blend_s, 0.05, 60.0),
+            ("start_share", self.start_share, 0.0, 1.0),
+            ("start_growth_s", self.start_growth_s, 0.05, 60.0),
             ("stop_blend_s", self.stop_blend_s, 0.05, 60.0),
             ("gait_change_position_rad", self.gait_change_position_rad, 0.0, 0.2),
             ("gait_change_velocity_rad_s", self.gait_change_velocity_rad_s, 0.0, 5.0),

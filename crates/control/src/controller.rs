@@ -2,6 +2,7 @@
 
 use crate::STILL_RAD;
 use crate::limits::{Limiter, LimiterMemory};
+use crate::prepared_gait::Instant;
 use crate::ramp::Ramp;
 use crate::{
     Config, ConfigError, DriveMode, Event, Fault, FaultReport, FaultSet, Guards, JOINTS, JointCommand, Mode,
@@ -173,12 +174,22 @@ struct GaitClock {
     steps: u64,
     /// What continuity at a change of gait asks for: old minus new plan at the switch.
     offset: Option<Offset>,
+    /// It began out of standing: the motion grows to the whole gait's ([`Controller::share`]).
+    grows: bool,
 }
 
 #[derive(Clone, Copy, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
 struct Offset {
     position_rad: [f64; JOINTS],
     velocity_rad_s: [f64; JOINTS],
+}
+
+/// A joint that has not moved: where it is, and between what it was commanded meanwhile.
+#[derive(Clone, Copy, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
+struct Still {
+    position_rad: f64,
+    least_rad: f64,
+    most_rad: f64,
 }
 
 /// Rounding in now − start must not put a switch one cycle late.
@@ -212,8 +223,8 @@ pub struct Controller {
     last_now: Option<Duration>,
     tracking_error_s: [f64; JOINTS],
     overspeed_s: [f64; JOINTS],
-    /// Where each joint was, and was commanded to be, when it moved last.
-    still: [Option<(f64, f64)>; JOINTS],
+    /// What has been asked of each joint since it moved last.
+    still: [Option<Still>; JOINTS],
     step_index: u64,
     step_phase: f64,
     cycles: u64,
@@ -238,7 +249,7 @@ pub struct Snapshot {
     last_now: Option<Duration>,
     tracking_error_s: [f64; JOINTS],
     overspeed_s: [f64; JOINTS],
-    still: [Option<(f64, f64)>; JOINTS],
+    still: [Option<Still>; JOINTS],
     step_index: u64,
     step_phase: f64,
     cycles: u64,
@@ -556,13 +567,19 @@ impl Controller {
                 if held && error > self.config.tracking_error_rad { self.tracking_error_s[j] + dt_s } else { 0.0 };
             let commanded = self.command.position_rad[j];
             match self.still[j] {
-                Some((position, command)) if held && (q - position).abs() < STILL_RAD => {
-                    let moved = (commanded - command).abs();
+                Some(still) if held && (q - still.position_rad).abs() < STILL_RAD => {
+                    let least_rad = still.least_rad.min(commanded);
+                    let most_rad = still.most_rad.max(commanded);
+                    self.still[j] = Some(Still { least_rad, most_rad, ..still });
+                    let moved = most_rad - least_rad;
                     if moved > self.config.stuck_rad {
                         self.latch_joint(Fault::JointStuck, j, moved, self.config.stuck_rad, now);
                     }
                 }
-                _ => self.still[j] = held.then_some((q, commanded)),
+                _ => {
+                    let still = Still { position_rad: q, least_rad: commanded, most_rad: commanded };
+                    self.still[j] = held.then_some(still);
+                }
             }
             if self.tracking_error_s[j] > self.config.tracking_error_s {
                 let limit = self.config.tracking_error_rad;
@@ -739,7 +756,7 @@ impl Controller {
             },
             Mode::Starting => self.start(now),
             Mode::Walking => match event {
-                Event::StartOnGait => self.walk_from(now, Duration::ZERO),
+                Event::StartOnGait => self.walk_from(now, Duration::ZERO, false),
                 Event::PostureReached => {
                     // The gait's first instant is the ramp's end, not the cycle that noticed it.
                     let late = match self.motion {
@@ -748,7 +765,7 @@ impl Controller {
                         }
                         _ => Duration::ZERO,
                     };
-                    self.walk_from(now, late);
+                    self.walk_from(now, late, true);
                 }
                 // Out of stopping: the gait goes on.
                 _ => {}
@@ -826,11 +843,11 @@ impl Controller {
         folded
     }
 
-    /// To the gait's first posture on four feet, moving at its end as the gait moves at its start.
+    /// To the first posture of the walk on four feet, moving at its end as the walk moves at its start.
     fn start(&mut self, now: Duration) {
         self.adopt_pending();
         let Some(gait) = self.gait else { return };
-        let first = gait.at(StepSide::First, 0.0);
+        let first = shrunk(&gait, gait.at(StepSide::First, 0.0), self.config.start_share, 0.0);
         let to = JointCommand {
             position_rad: first.position_rad,
             velocity_rad_s: first.velocity_rad_s,
@@ -842,7 +859,7 @@ impl Controller {
         self.ramp_from_command(to, self.config.start_blend_s, Then::Done, now);
     }
 
-    fn walk_from(&mut self, now: Duration, late: Duration) {
+    fn walk_from(&mut self, now: Duration, late: Duration, grows: bool) {
         self.adopt_pending();
         self.step_index = 0;
         self.motion = Motion::Gait(GaitClock {
@@ -851,7 +868,20 @@ impl Controller {
             base_index: 0,
             steps: 0,
             offset: None,
+            grows,
         });
+    }
+
+    /// How much of the gait's motion about its middle posture is walked at `now`, and the rate of that, 1/s. A robot that stands has
+    /// no speed and its feet side by side; asked for the whole gait at once, its drives would have to make up for both.
+    fn share(&self, clock: &GaitClock, now: Duration) -> (f64, f64) {
+        let (first, duration_s) = (self.config.start_share, self.config.start_growth_s);
+        let x = now.saturating_sub(clock.start).as_secs_f64() / duration_s;
+        if !clock.grows || x >= 1.0 {
+            return (1.0, 0.0);
+        }
+        let left = 1.0 - first;
+        (first + left * x * x * (3.0 - 2.0 * x), left * 6.0 * x * (1.0 - x) / duration_s)
     }
 
     /// At a switch: all four feet are on the ground where they are to stay, so the posture of the switch is kept and only
@@ -861,7 +891,8 @@ impl Controller {
             return;
         };
         let side = clock.side(clock.steps);
-        let at = gait.at(side, 0.0);
+        let (share, rate) = self.share(&clock, now);
+        let at = shrunk(&gait, gait.at(side, 0.0), share, rate);
         let mut from = self.posture(&self.config.stand);
         from.position_rad = at.position_rad;
         from.velocity_rad_s = at.velocity_rad_s;
@@ -961,7 +992,10 @@ impl Controller {
                 self.walk_wanted = wanted;
                 return true;
             }
-            if let Some(new) = self.pending {
+            // What is still growing grows up first.
+            if let Some(new) = self.pending
+                && self.share(&clock, now).0 >= 1.0
+            {
                 self.change_gait(clock, &gait, &new, emergency_stop, now);
                 return true;
             }
@@ -1015,7 +1049,8 @@ impl Controller {
                 let side = clock.side(clock.steps);
                 let period_s = gait.step_duration_s();
                 let t_s = (clock.elapsed_s(now) - clock.steps as f64 * period_s).clamp(0.0, period_s);
-                let at = gait.at(side, t_s / period_s);
+                let (share, rate) = self.share(clock, now);
+                let at = shrunk(gait, gait.at(side, t_s / period_s), share, rate);
                 let mut setpoint = JointCommand {
                     position_rad: at.position_rad,
                     velocity_rad_s: at.velocity_rad_s,
@@ -1088,6 +1123,22 @@ impl Controller {
             cycles: self.cycles,
             stale_inputs: self.stale_inputs,
         }
+    }
+}
+
+/// `share` of a gait's motion about the middle of its two switches, where that share grows at `rate` 1/s. To first order the base
+/// moves over two legs like an inverted pendulum, whose motions about a posture of balance are motions at any size.
+fn shrunk(gait: &PreparedGait, at: Instant, share: f64, rate: f64) -> Instant {
+    // To the bit the gait itself.
+    if share >= 1.0 {
+        return at;
+    }
+    let (a, b) = (gait.at(StepSide::First, 0.0).position_rad, gait.at(StepSide::Mirrored, 0.0).position_rad);
+    let middle: [f64; JOINTS] = std::array::from_fn(|j| 0.5 * (a[j] + b[j]));
+    Instant {
+        position_rad: std::array::from_fn(|j| middle[j] + share * (at.position_rad[j] - middle[j])),
+        velocity_rad_s: std::array::from_fn(|j| share * at.velocity_rad_s[j] + rate * (at.position_rad[j] - middle[j])),
+        torque_nm: at.torque_nm,
     }
 }
 

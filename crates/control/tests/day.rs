@@ -193,6 +193,102 @@ fn switches_do_not_drift() {
     assert!(last > 10_000);
 }
 
+/// Out of standing the gait's motion about its middle posture grows; velocities are the positions' derivatives all the way.
+#[test]
+fn out_of_standing_the_walk_grows_to_the_gait() {
+    let c = config();
+    let mut b = Bench::new(c.clone());
+    b.load(&prepared());
+    for request in [Request::Arm, Request::Stand, Request::Walk] {
+        b.ask(request).unwrap();
+    }
+    b.until(Mode::Walking, 6.0);
+    let (first, second) = (prepared().at(StepSide::First, 0.0), prepared().at(StepSide::Mirrored, 0.0));
+    let mut last = b.last.unwrap();
+    let size = |output: &Output| {
+        let at = prepared().at(StepSide::of_step(output.step_index), output.step_phase);
+        let (mut walked, mut planned) = (0.0_f64, 0.0_f64);
+        for j in 0..JOINTS {
+            let middle = 0.5 * (first.position_rad[j] + second.position_rad[j]);
+            walked = walked.max((output.command.position_rad[j] - middle).abs());
+            planned = planned.max((at.position_rad[j] - middle).abs());
+        }
+        (walked / planned, planned)
+    };
+    let mut share = 0.0;
+    let cycles = (c.start_growth_s * 1e3) as usize;
+    for n in 0..cycles - 1 {
+        let output = b.run(1);
+        let (now, planned) = size(&output);
+        if planned > 0.05 {
+            assert!(now > share - 1e-3 && now < 1.0 + 1e-3, "cycle {n}: {now} of the gait after {share}");
+            share = now;
+        }
+        for j in 0..JOINTS {
+            let moved = (output.command.position_rad[j] - last.command.position_rad[j]) * 1e3;
+            let mean = 0.5 * (output.command.velocity_rad_s[j] + last.command.velocity_rad_s[j]);
+            // Over a switch the plan's velocity may step; rounding is 3.8e-3 rad/s of a millisecond's motion.
+            let switch = output.step_index != last.step_index;
+            assert!(switch || (moved - mean).abs() < 0.02, "cycle {n} joint {j}: {moved} against {mean}");
+        }
+        last = output;
+    }
+    assert!(share > 0.95, "{share}");
+    let whole = b.run(50);
+    let at = prepared().at(StepSide::of_step(whole.step_index), whole.step_phase);
+    assert_eq!(whole.command.position_rad, at.position_rad.map(resolution::position_rad));
+    assert_eq!(whole.command.velocity_rad_s, at.velocity_rad_s.map(resolution::velocity_rad_s));
+}
+
+#[test]
+fn a_walk_that_still_grows_stops_at_a_switch_and_takes_no_other_gait_yet() {
+    let mut b = Bench::new(config());
+    b.load(&prepared());
+    for request in [Request::Arm, Request::Stand, Request::Walk] {
+        b.ask(request).unwrap();
+    }
+    b.until(Mode::Walking, 6.0);
+    b.run(100);
+    let other = PreparedGait::new(&gait_at("other", [0.12, 1.0, 2.03], 0.37), &config()).unwrap();
+    b.cycle(&[], Some(&other));
+    let mut last = b.last.unwrap();
+    let mut taken = None;
+    for n in 0..4000 {
+        let output = b.run(1);
+        assert_eq!(output.mode, Mode::Walking);
+        for j in 0..JOINTS {
+            let step = output.command.position_rad[j] - last.command.position_rad[j];
+            assert!(step.abs() < 0.006, "cycle {n} joint {j} stepped {step}");
+        }
+        let at = other.at(StepSide::of_step(output.step_index), output.step_phase);
+        if taken.is_none() && output.command.position_rad == at.position_rad.map(resolution::position_rad) {
+            taken = Some(n);
+        }
+        last = output;
+    }
+    assert!((1900..2900).contains(&taken.unwrap()), "{taken:?}");
+
+    let mut b = Bench::new(config());
+    b.load(&prepared());
+    for request in [Request::Arm, Request::Stand, Request::Walk] {
+        b.ask(request).unwrap();
+    }
+    b.until(Mode::Walking, 6.0);
+    b.run(700);
+    assert_eq!(b.ask(Request::Stop), Ok(Mode::Stopping));
+    let mut last = b.last.unwrap();
+    for n in 0..1000 {
+        let output = b.run(1);
+        for j in 0..JOINTS {
+            let step = output.command.position_rad[j] - last.command.position_rad[j];
+            assert!(step.abs() < 0.003, "cycle {n} joint {j} stepped {step}");
+        }
+        last = output;
+    }
+    assert_eq!(last.mode, Mode::Standing);
+    assert_eq!(last.command.velocity_rad_s, [0.0; JOINTS]);
+}
+
 #[test]
 fn torque_mode_sends_the_same_torque_without_gains() {
     let mut c = config();
@@ -263,7 +359,7 @@ fn a_gait_that_starts_far_is_taken_through_standing() {
     b.until(Mode::Standing, 1.0);
     b.until(Mode::Starting, 1.0);
     b.until(Mode::Walking, 1.0);
-    let output = b.run(1000);
+    let output = b.run(2500);
     assert_eq!(output.mode, Mode::Walking);
     let at = far.at(StepSide::of_step(output.step_index), output.step_phase);
     assert_eq!(output.command.position_rad, at.position_rad.map(resolution::position_rad));

@@ -87,6 +87,8 @@ fn nan_from_any_joint_and_field_is_a_fault_in_the_same_cycle() {
             }
         }
     }
+    // Each of them.
+    measured("nan_from_any_joint_and_field_is_a_fault_in_the_same_cycle", 1);
 }
 
 #[test]
@@ -105,6 +107,8 @@ fn what_cannot_be_is_a_fault_in_the_same_cycle() {
         assert_eq!(cycles, 1);
         assert_fault(&output, fault, Some(5));
     }
+    // Each of them.
+    measured("what_cannot_be_is_a_fault_in_the_same_cycle", 1);
 }
 
 #[test]
@@ -113,6 +117,7 @@ fn joint_states_that_stop_mean_damping_after_the_timeout() {
     b.measures = false;
     let (cycles, output) = cycles_to_safe(&mut b, 40, |_, _, _, _| {});
     assert_eq!(cycles, 21, "20 ms are allowed");
+    measured("joint_states_that_stop_mean_damping_after_the_timeout", cycles);
     assert_eq!(output.mode, Mode::Damping);
     assert_eq!(output.damping_reason, Some(DampingReason::StaleJointState));
     assert!(output.faults.is_empty());
@@ -128,6 +133,7 @@ fn one_silent_drive_is_enough() {
     let silent_since = b.now;
     let (cycles, output) = cycles_to_safe(&mut b, 40, |_, state, _, _| state.arrived[7] = silent_since);
     assert_eq!(cycles, 21);
+    measured("one_silent_drive_is_enough", cycles);
     assert_eq!(output.damping_reason, Some(DampingReason::StaleJointState));
 }
 
@@ -178,6 +184,7 @@ fn states_in_the_wrong_order_are_a_clock_jump() {
     let (cycles, output) = cycles_to_safe(&mut b, 2, |_, state, _, _| state.stamp = old.stamp - PERIOD);
     assert_eq!(cycles, 1);
     assert_fault(&output, Fault::ClockJump, None);
+    measured("states_in_the_wrong_order_are_a_clock_jump", 1);
 }
 
 #[test]
@@ -190,7 +197,27 @@ fn a_stuck_drive_is_noticed_within_the_step_in_which_it_should_swing() {
         state.velocity_rad_s[2] = 0.0;
     });
     assert!(cycles < 150, "{cycles}");
+    measured("a_stuck_drive_is_noticed_within_the_step_in_which_it_should_swing", cycles);
     assert_fault(&output, Fault::JointStuck, Some(2));
+}
+
+/// A knee that sticks half-way through its swing is never far from its command, on either side.
+#[test]
+fn a_joint_that_sticks_at_any_phase_is_noticed_within_two_steps() {
+    let mut longest = 0;
+    for n in 0..16 {
+        let mut b = Bench::walking(config());
+        b.run(1 + 50 * n);
+        let stuck_at = b.position_rad[2];
+        let (cycles, output) = cycles_to_safe(&mut b, 1000, |_, state, _, _| {
+            state.position_rad[2] = stuck_at;
+            state.velocity_rad_s[2] = 0.0;
+        });
+        assert!(cycles <= 808, "{n}: {cycles}");
+        assert_fault(&output, Fault::JointStuck, Some(2));
+        longest = longest.max(cycles);
+    }
+    measured("a_joint_that_sticks_at_any_phase_is_noticed_within_two_steps", longest);
 }
 
 #[test]
@@ -202,6 +229,7 @@ fn a_joint_that_moves_but_does_not_follow_is_a_tracking_error() {
         state.velocity_rad_s[4] = 4.0;
     });
     assert!(cycles < 200, "{cycles}");
+    measured("a_joint_that_moves_but_does_not_follow_is_a_tracking_error", cycles);
     assert_fault(&output, Fault::TrackingError, Some(4));
 }
 
@@ -210,6 +238,7 @@ fn a_joint_that_runs_away_is_an_overspeed() {
     let mut b = Bench::walking(config());
     let (cycles, output) = cycles_to_safe(&mut b, 100, |_, state, _, _| state.velocity_rad_s[0] = 10.0);
     assert!((30..=32).contains(&cycles), "{cycles}: 30 ms are allowed");
+    measured("a_joint_that_runs_away_is_an_overspeed", cycles);
     assert_fault(&output, Fault::Overspeed, Some(0));
 }
 
@@ -232,6 +261,7 @@ fn a_hot_drive_stops_the_walk_and_a_hotter_one_damps() {
             standing = Some(n);
         }
     }
+    measured("a_hot_drive_stops_the_walk_and_a_hotter_one_damps", standing.unwrap());
     assert!(standing.unwrap() <= 404, "one step at most");
     assert_eq!(b.ask(Request::Walk), Err(Refusal::FaultLatched));
     assert_eq!(b.ask(Request::ClearFault(Fault::DriveHot)), Ok(Mode::Standing));
@@ -244,6 +274,7 @@ fn a_hot_drive_stops_the_walk_and_a_hotter_one_damps() {
         state.temperature_c = Some(t);
     });
     assert_eq!(cycles, 1);
+    measured("a_hot_drive_stops_the_walk_and_a_hotter_one_damps", cycles);
     assert_fault(&output, Fault::OverTemperature, Some(8));
 }
 
@@ -258,6 +289,8 @@ fn tilt_and_a_spoiled_tilt_are_faults_in_the_same_cycle() {
         assert_eq!(cycles, 1);
         assert_fault(&output, fault, None);
     }
+    // Each of them.
+    measured("tilt_and_a_spoiled_tilt_are_faults_in_the_same_cycle", 1);
 }
 
 #[test]
@@ -266,6 +299,7 @@ fn a_bus_that_is_down_is_a_fault_in_the_same_cycle() {
     let report = FaultReport { fault: Fault::BusDown, joint: Some(3), value: 0.006, limit: 0.005 };
     let (cycles, output) = cycles_to_safe(&mut b, 2, |_, _, input, _| input.fault = Some(report));
     assert_eq!(cycles, 1);
+    measured("a_bus_that_is_down_is_a_fault_in_the_same_cycle", cycles);
     assert_fault(&output, Fault::BusDown, Some(3));
 }
 
@@ -285,6 +319,7 @@ fn clocks_that_jump_are_faults_in_the_same_cycle() {
         state.arrived = [*now; JOINTS];
     });
     assert_eq!(cycles, 1);
+    measured("clocks_that_jump_are_faults_in_the_same_cycle", cycles);
     assert_fault(&output, Fault::Overrun, None);
 }
 

@@ -59,6 +59,7 @@ pub struct DdsBus {
     /// To be woken when there is a command.
     speaker: Option<Thread>,
     clock: CycleClock,
+    patience: Duration,
     held: Readings,
     /// Stamp of the newest message and when it, or the last repetition of it, came in.
     newest: Option<(Duration, Duration)>,
@@ -68,18 +69,22 @@ pub struct DdsBus {
 }
 
 impl DdsBus {
-    /// Joints behind these buffers.
+    /// Joints behind these buffers. Where the clock is the stamps', it runs on for `patience` after a state and then waits for the
+    /// next: longer than the controller takes to call the states stale, or it never would, and no longer than that needs, because
+    /// states that come again after a gap in which their own time stood still count as old until they have caught up.
     pub fn new(
         states: Consumer<StateMessage>,
         commands: Producer<CommandMessage>,
         speaker: Option<Thread>,
         clock: CycleClock,
+        patience: Duration,
     ) -> Self {
         Self {
             states,
             commands,
             speaker,
             clock,
+            patience,
             held: Readings::default(),
             newest: None,
             now: Duration::ZERO,
@@ -158,7 +163,9 @@ impl JointBus for DdsBus {
         while self.take_one().is_some() {}
         let now = match (self.clock, self.newest) {
             (CycleClock::Monotonic, _) => wall,
-            (CycleClock::JointStates, Some((stamp, since))) => self.now.max(stamp + wall.saturating_sub(since)),
+            (CycleClock::JointStates, Some((stamp, since))) => {
+                self.now.max(stamp + wall.saturating_sub(since).min(self.patience))
+            }
             (CycleClock::JointStates, None) => self.now,
         };
         self.now = now;

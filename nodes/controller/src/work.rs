@@ -174,7 +174,8 @@ impl Work {
         let (pace, period, realtime) = (parameters.pace, parameters.period, parameters.realtime);
         // In lockstep the cycle follows the stamps and nothing else.
         let clock = if lockstep { CycleClock::JointStates } else { parameters.clock };
-        let topics = DdsBus::new(states, commands_in, Some(press.thread().clone()), clock);
+        let patience = 2 * Duration::from_secs_f64(config.state_timeout_s);
+        let topics = DdsBus::new(states, commands_in, Some(press.thread().clone()), clock, patience);
         let control = std::thread::Builder::new().name("control".into()).spawn(move || {
             // The receiver waits for it; the channel has room.
             let warn = move |list: Vec<Warning>| warnings_in.send(list).unwrap_or_default();

@@ -13,6 +13,8 @@ use tandem_msgs::sensor_msgs::JointState;
 const DOMAIN: u16 = 61;
 const PATIENCE: Duration = Duration::from_secs(20);
 const MS: Duration = Duration::from_millis(1);
+/// Time runs on for so long without a state.
+const GAP: Duration = Duration::from_millis(200);
 
 /// The controller's side in one node, a robot of the bench's in another.
 struct Bench {
@@ -37,7 +39,7 @@ impl Bench {
         let qos = Qos::reliable(10);
         listen(&controller, names.clone(), states_in, Some(std::thread::current()), qos).unwrap();
         let speaker = Speaker::new(&controller, names.clone(), commands, true, qos).unwrap();
-        let bus = DdsBus::new(states, commands_in, None, CycleClock::JointStates);
+        let bus = DdsBus::new(states, commands_in, None, CycleClock::JointStates, GAP);
         let (sender, receiver) = channel();
         robot
             .subscribe("joint_command", qos, move |message: tandem_msgs::JointCommand| {
@@ -132,7 +134,7 @@ fn topics_over_dds() {
 fn bus(clock: CycleClock) -> (DdsBus, Producer<StateMessage>, Consumer<CommandMessage>) {
     let (states_in, states) = RingBuffer::new(DEPTH);
     let (commands_in, commands) = RingBuffer::new(DEPTH);
-    (DdsBus::new(states, commands_in, None, clock), states_in, commands)
+    (DdsBus::new(states, commands_in, None, clock, GAP), states_in, commands)
 }
 
 fn message(stamp: Duration, wall: Duration) -> StateMessage {
@@ -161,6 +163,26 @@ fn time_is_the_stamps_and_runs_on_between_them() {
     // The simulation begins anew: so does time.
     states.push(message(MS, 1060 * MS)).unwrap();
     assert_eq!(bus.now(1060 * MS), MS);
+}
+
+/// A simulation that stood still for a minute without a word was minutes old to a controller that had gone on counting.
+#[test]
+fn after_a_gap_of_any_length_states_are_fresh_again_within_the_patience() {
+    let (mut bus, mut states, _commands) = bus(CycleClock::JointStates);
+    states.push(message(5 * MS, 1000 * MS)).unwrap();
+    assert_eq!(bus.now(1000 * MS), 5 * MS);
+    assert_eq!(bus.now(61_000 * MS), 205 * MS);
+    // Its time stood still too. The controller's waits for it, and never runs backwards.
+    let mut caught_up = None;
+    for n in 1..=400_u32 {
+        states.push(message((5 + n) * MS, (61_000 + n) * MS)).unwrap();
+        let now = bus.now((61_000 + n) * MS);
+        assert!(now >= 205 * MS);
+        if now == (5 + n) * MS {
+            caught_up.get_or_insert(n);
+        }
+    }
+    assert_eq!(caught_up, Some(200));
 }
 
 #[test]

@@ -162,6 +162,36 @@ fn it_walks_on_emulated_drives_over_both_protocols() {
     }
 }
 
+/// Out of standing the drives need hardly more than while walking. Asked for the whole amble at once they reached their limit in its
+/// second step.
+#[test]
+fn no_gait_started_from_standing_comes_near_the_drives_limit() {
+    let robot = vision60();
+    let file = include_str!("../../../config/hardware/vision60_can.toml");
+    let bus = BusConfig::from_toml_str(file, "vision60", &robot.joint_names()).unwrap();
+    for name in ["gait1", "gait2", "gait3", "gait4", "amble"] {
+        let request = GaitRequest::named(name, &robot).unwrap();
+        let plan = gait_design::plan(&robot, &request, &PlanOptions::default(), |_| ControlFlow::Continue(())).unwrap();
+        for drive_mode in [DriveMode::Impedance, DriveMode::Torque] {
+            let options = WalkOptions {
+                seconds: 4.0,
+                start: Start::Posture(Posture::Stand),
+                drive_mode,
+                drives: Some(Drives { bus: bus.clone(), model: DriveModel::default() }),
+                ..WalkOptions::default()
+            };
+            let mut largest = 0.0_f64;
+            let walk = walk(&robot, &plan.gait, &options, &mut |_, state, _| {
+                largest = state.joint_torque_nm.iter().fold(largest, |m, torque| m.max(torque.abs()));
+            })
+            .unwrap();
+            println!("{name} {drive_mode:?} from standing: at most {largest:.1} N m");
+            assert_eq!(walk.end, End::Upright, "{name} {drive_mode:?}");
+            assert!(largest < 72.0, "{name} {drive_mode:?}: {largest} N m of 87.5");
+        }
+    }
+}
+
 /// What docs/simulation.md says of latency, at its two ends: the whole table takes minutes.
 #[test]
 fn latency_is_borne_where_the_drives_close_the_law_and_ends_in_a_fault_where_the_controller_does() {

@@ -47,6 +47,8 @@ pub fn config() -> Config {
         posture_speed_rad_s: 0.8,
         posture_min_s: 0.5,
         start_blend_s: 0.6,
+        start_share: 0.3,
+        start_growth_s: 2.0,
         stop_blend_s: 0.4,
         gait_change_position_rad: 0.08,
         gait_change_velocity_rad_s: 1.5,
@@ -228,6 +230,9 @@ impl Bench {
         bench.ask(Request::Stand).unwrap();
         bench.ask(Request::Walk).unwrap();
         bench.until(Mode::Walking, 6.0);
+        // Until the whole gait is walked: the first cycle of an even step.
+        let grown = 2 * (bench.controller.config().start_growth_s / (2.0 * 0.404)).ceil() as u64;
+        while bench.run(1).step_index < grown {}
         bench
     }
 }
@@ -236,4 +241,17 @@ impl Bench {
 pub fn law(gait: &Gait, side: StepSide, s: f64, q: &[f64; JOINTS], v: &[f64; JOINTS]) -> [f64; JOINTS] {
     let (position, velocity) = gait.reference(side, s);
     std::array::from_fn(|j| gait.kp[j] * (position[j] - q[j]) + gait.kd[j] * (velocity[j] - v[j]))
+}
+
+/// Prints what a test of the fault matrix measured, and holds docs/safety.md to it: the row that names the test says the number in
+/// its last column.
+pub fn measured(test: &str, cycles: usize) {
+    println!("{test}: {cycles} cycles");
+    let page = include_str!("../../../../docs/safety.md");
+    let name = format!("`{test}`");
+    let row = page.lines().find(|line| line.starts_with('|') && line.contains(&name));
+    let row = row.unwrap_or_else(|| panic!("docs/safety.md has no row for {name}, which measured {cycles}"));
+    let cell = row.trim_end_matches('|').rsplit('|').next().unwrap_or_default();
+    let told = cell.split(|c: char| !c.is_ascii_digit()).any(|number| number == cycles.to_string());
+    assert!(told, "{name} measured {cycles} cycles, docs/safety.md says {cell:?}");
 }
