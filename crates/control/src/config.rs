@@ -96,7 +96,7 @@ pub struct Config {
     pub tracking_error_rad: f64,
     /// … for at most this long, s.
     pub tracking_error_s: f64,
-    /// A joint whose command has moved by this while it stood still is stuck, rad.
+    /// In a walk that has grown to the whole gait, a joint whose command ranged over this while it stood still is stuck, rad.
     pub stuck_rad: f64,
     /// A joint may exceed its velocity limit for at most this long, s.
     pub overspeed_s: f64,
@@ -120,6 +120,21 @@ pub struct ConfigError {
     pub key: String,
     /// What it is and what was expected.
     pub problem: String,
+}
+
+/// Values of [`Config::for_robot`] that a user may want to change, whatever the robot.
+pub mod default {
+    /// [`super::Config::start_blend_s`]: a robot that has just ambled still swings when it starts anew. After 0.6 s gait3 fell over the
+    /// amble's stance in simulation, after 1.0 s it did not.
+    pub const START_BLEND_S: f64 = 1.2;
+    /// [`super::Config::stop_blend_s`].
+    pub const STOP_BLEND_S: f64 = 0.4;
+    /// [`super::Config::posture_speed_rad_s`].
+    pub const POSTURE_SPEED_RAD_S: f64 = 0.8;
+    /// [`super::Config::tracking_error_rad`].
+    pub const TRACKING_ERROR_RAD: f64 = 0.35;
+    /// [`super::Config::tilt_limit_rad`].
+    pub const TILT_LIMIT_RAD: f64 = 0.8;
 }
 
 impl Config {
@@ -146,23 +161,23 @@ impl Config {
             damping_kd: [8.0; JOINTS],
             damping_torque_nm: 40.0,
             gain_ramp_s: 0.25,
-            posture_speed_rad_s: 0.8,
+            posture_speed_rad_s: default::POSTURE_SPEED_RAD_S,
             posture_min_s: 0.5,
-            start_blend_s: 0.6,
+            start_blend_s: default::START_BLEND_S,
             start_share: 0.3,
             start_growth_s: 2.0,
-            stop_blend_s: 0.4,
+            stop_blend_s: default::STOP_BLEND_S,
             gait_change_position_rad: 0.08,
             gait_change_velocity_rad_s: 1.5,
             control_period_s: 0.001,
             state_timeout_s: 0.02,
             overrun_s: 0.05,
-            tracking_error_rad: 0.35,
+            tracking_error_rad: default::TRACKING_ERROR_RAD,
             tracking_error_s: 0.04,
             stuck_rad: 0.2,
             overspeed_s: 0.03,
             position_fault_rad: 0.3,
-            tilt_limit_rad: 0.8,
+            tilt_limit_rad: default::TILT_LIMIT_RAD,
             hot_c: 80.0,
             over_temperature_c: 95.0,
             rest_velocity_rad_s: 1.0,

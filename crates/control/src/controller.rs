@@ -184,12 +184,13 @@ struct Offset {
     velocity_rad_s: [f64; JOINTS],
 }
 
-/// A joint that has not moved: where it is, and between what it was commanded meanwhile.
+/// A joint that has not moved: where it is, between what it was commanded meanwhile, and when it was last heard.
 #[derive(Clone, Copy, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
 struct Still {
     position_rad: f64,
     least_rad: f64,
     most_rad: f64,
+    heard: Duration,
 }
 
 /// Rounding in now − start must not put a switch one cycle late.
@@ -200,6 +201,8 @@ const CHANGE_SHARE: f64 = 0.5;
 const JUMP_MARGIN_RAD: f64 = 0.1;
 /// Velocities this many times the limit are not believed.
 const IMPLAUSIBLE_VELOCITY: f64 = 3.0;
+/// A joint that was not heard for longer than this many control periods may have moved away and back.
+const HEARD_CYCLES: f64 = 10.0;
 /// From nearer to the standing posture than this (each joint, rad), it is gone to directly; else by way of sitting.
 const NEAR_STAND_RAD: f64 = 0.4;
 
@@ -565,26 +568,34 @@ impl Controller {
             let held = moving && self.held(j);
             self.tracking_error_s[j] =
                 if held && error > self.config.tracking_error_rad { self.tracking_error_s[j] + dt_s } else { 0.0 };
-            let commanded = self.command.position_rad[j];
-            match self.still[j] {
-                Some(still) if held && (q - still.position_rad).abs() < STILL_RAD => {
-                    let least_rad = still.least_rad.min(commanded);
-                    let most_rad = still.most_rad.max(commanded);
-                    self.still[j] = Some(Still { least_rad, most_rad, ..still });
-                    let moved = most_rad - least_rad;
-                    if moved > self.config.stuck_rad {
-                        self.latch_joint(Fault::JointStuck, j, moved, self.config.stuck_rad, now);
-                    }
-                }
-                _ => {
-                    let still = Still { position_rad: q, least_rad: commanded, most_rad: commanded };
-                    self.still[j] = held.then_some(still);
-                }
-            }
             if self.tracking_error_s[j] > self.config.tracking_error_s {
                 let limit = self.config.tracking_error_rad;
                 self.latch_joint(Fault::TrackingError, j, error, limit, now);
             }
+            self.watch_stillness(j, q, now);
+        }
+    }
+
+    /// A joint that does not move with its command is stuck. Only in a whole walk, where every foot is lifted once in two steps:
+    /// friction may hold a foot that carries the robot from posture to posture, or that hardly leaves the ground.
+    fn watch_stillness(&mut self, joint: usize, q: f64, now: Duration) {
+        let commanded = self.command.position_rad[joint];
+        let mut still = Still { position_rad: q, least_rad: commanded, most_rad: commanded, heard: now };
+        // What was commanded while nothing was heard of the joint is not held against it.
+        let gap = Duration::from_secs_f64(HEARD_CYCLES * self.config.control_period_s);
+        if let Some(last) = self.still[joint]
+            && (q - last.position_rad).abs() < STILL_RAD
+            && now.saturating_sub(last.heard) <= gap
+        {
+            still.position_rad = last.position_rad;
+            still.least_rad = last.least_rad.min(commanded);
+            still.most_rad = last.most_rad.max(commanded);
+        }
+        let walks = matches!(&self.motion, Motion::Gait(clock) if self.share(clock, now).0 >= 1.0);
+        self.still[joint] = walks.then_some(still);
+        let ranged = still.most_rad - still.least_rad;
+        if walks && ranged > self.config.stuck_rad {
+            self.latch_joint(Fault::JointStuck, joint, ranged, self.config.stuck_rad, now);
         }
     }
 

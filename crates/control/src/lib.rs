@@ -26,7 +26,7 @@ mod transition;
 const STILL_RAD: f64 = 0.02;
 
 pub use command::JointCommand;
-pub use config::{Config, ConfigError, DriveMode, Posture};
+pub use config::{Config, ConfigError, DriveMode, Posture, default};
 pub use controller::{Controller, DampingReason, Input, JointState, MAX_REQUESTS, Output, Request, Snapshot, Tilt};
 pub use fault::{Fault, FaultReport, FaultSet, Severity};
 pub use gait::JOINTS;

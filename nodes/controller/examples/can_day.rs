@@ -108,8 +108,8 @@ struct Heard {
     /// Every change of mode or fault, when it came in, on the monotonic clock; and the newest state of all.
     changes: Vec<(Duration, ControllerState)>,
     state: Option<(Duration, ControllerState)>,
-    /// From the simulation: what the drives do.
-    joints: VecDeque<JointState>,
+    /// From the simulation: what the drives do, and when it came in on the monotonic clock.
+    joints: VecDeque<(Duration, JointState)>,
     /// Simulated over wall time, once a second.
     factors: Vec<f64>,
     odometry: Option<Odometry>,
@@ -197,7 +197,7 @@ fn run() -> Result<(), Failure> {
         if heard.joints.len() == KEPT {
             heard.joints.pop_front();
         }
-        heard.joints.push_back(joints);
+        heard.joints.push_back((monotonic_now(), joints));
     })?;
 
     let to = Arc::clone(&heard);
@@ -345,17 +345,25 @@ impl Day {
         Ok(())
     }
 
+    /// The simulation's time now. States take up to 15 ms to get here; the one of the last 0.2 s that was here soonest tells best.
     fn simulated_ns(&self) -> Result<i64, Failure> {
         let heard = lock(&self.heard);
-        heard.joints.back().map(|state| state.header.stamp.nanoseconds()).ok_or_else(|| "no joint states".into())
+        let now = monotonic_now();
+        let recent = heard.joints.iter().rev().take_while(|(at, _)| now - *at < Duration::from_millis(200));
+        let guesses = recent.map(|(at, state)| state.header.stamp.nanoseconds() + (now - *at).as_nanos() as i64);
+        guesses.max().ok_or_else(|| "no joint states for 0.2 s".into())
     }
 
     /// Cycles from `since` (simulated ns) until every drive damps on its own, for five states on end.
     fn drives_damp_within(&self, since: i64, cycles: i64, what: &str) -> Result<(), Failure> {
         std::thread::sleep(300 * MS);
         let heard = lock(&self.heard);
-        let states: Vec<&JointState> =
-            heard.joints.iter().filter(|state| state.header.stamp.nanoseconds() > since).collect();
+        let states: Vec<&JointState> = heard
+            .joints
+            .iter()
+            .map(|(_, state)| state)
+            .filter(|state| state.header.stamp.nanoseconds() > since)
+            .collect();
         let first = states.windows(5).find(|five| five.iter().all(|state| damps(state))).map(|five| five[0]);
         let took = (first.ok_or_else(|| format!("{what}: the drives never damp"))?.header.stamp.nanoseconds() - since)
             / 1_000_000;
@@ -366,7 +374,7 @@ impl Day {
     /// Since then every drive has braked or rested.
     fn no_drive_has_pushed(&self, since: i64) -> Result<(), Failure> {
         const NOISE_W: f64 = 0.5;
-        for state in lock(&self.heard).joints.iter().filter(|state| state.header.stamp.nanoseconds() > since) {
+        for (_, state) in lock(&self.heard).joints.iter().filter(|(_, s)| s.header.stamp.nanoseconds() > since) {
             for (torque, velocity) in state.effort.iter().zip(&state.velocity) {
                 if torque * velocity > NOISE_W {
                     return Err(format!("a drive gives {torque} N m at {velocity} rad/s").into());
@@ -394,7 +402,7 @@ impl Day {
             &self.heard,
             Duration::from_millis(200),
             "drives at rest under a controller that has come back",
-            |heard| heard.joints.back().is_some_and(|state| state.effort.iter().all(|torque| *torque == 0.0)),
+            |heard| heard.joints.back().is_some_and(|(_, state)| state.effort.iter().all(|torque| *torque == 0.0)),
         )?;
         let json = include_str!("../../sim_bridge/tests/data/amble.json");
         let loaded = self.load.call(LoadGaitRequest { json: json.into() }, PATIENCE)?;

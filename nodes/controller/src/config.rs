@@ -1,7 +1,7 @@
 //! The node's parameters.
 
 use crate::dds_bus::CycleClock;
-use control::{Config, DriveMode};
+use control::{Config, DriveMode, default};
 use realtime::RealtimeRequest;
 use robot::Robot;
 use ros::{Node, RosError};
@@ -253,29 +253,35 @@ impl Parameters {
                 )?,
                 start_blend_s: number(
                     "start_blend_s",
-                    0.6,
+                    default::START_BLEND_S,
                     0.05,
                     10.0,
                     "From standing to the gait's first posture, s.",
                 )?,
-                stop_blend_s: number("stop_blend_s", 0.4, 0.05, 10.0, "From the last switch to rest, s.")?,
+                stop_blend_s: number(
+                    "stop_blend_s",
+                    default::STOP_BLEND_S,
+                    0.05,
+                    10.0,
+                    "From the last switch to rest, s.",
+                )?,
                 posture_speed_rad_s: number(
                     "posture_speed_rad_s",
-                    0.8,
+                    default::POSTURE_SPEED_RAD_S,
                     0.05,
                     3.0,
                     "Mean speed of the fastest joint while standing up and sitting down, rad/s.",
                 )?,
                 tracking_error_rad: number(
                     "tracking_error_rad",
-                    0.35,
+                    default::TRACKING_ERROR_RAD,
                     0.05,
                     2.0,
                     "A joint further than this from its command for 40 ms is a fault, rad.",
                 )?,
                 tilt_limit_rad: number(
                     "tilt_limit_rad",
-                    0.8,
+                    default::TILT_LIMIT_RAD,
                     0.1,
                     1.5,
                     "Roll or pitch beyond which the robot is damped, where an inertial unit is heard, rad.",

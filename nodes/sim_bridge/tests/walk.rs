@@ -174,7 +174,7 @@ fn no_gait_started_from_standing_comes_near_the_drives_limit() {
         let plan = gait_design::plan(&robot, &request, &PlanOptions::default(), |_| ControlFlow::Continue(())).unwrap();
         for drive_mode in [DriveMode::Impedance, DriveMode::Torque] {
             let options = WalkOptions {
-                seconds: 4.0,
+                seconds: 6.0,
                 start: Start::Posture(Posture::Stand),
                 drive_mode,
                 drives: Some(Drives { bus: bus.clone(), model: DriveModel::default() }),
