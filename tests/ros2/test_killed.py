@@ -187,6 +187,33 @@ def test_a_reset_while_walking_is_an_encoder_jump_and_no_clock_jump(robot):
     robot.walk()
 
 
+def test_a_second_publisher_of_joint_states_is_a_clock_jump(robot):
+    """Another simulation in the domain, whose time is another: its stamps lie before those of the first."""
+    from builtin_interfaces.msg import Time
+    from sensor_msgs.msg import JointState
+
+    newest = []
+    subscription = robot.client.node.create_subscription(JointState, f"{NAMESPACE}/joint_states", newest.append, best_effort(1))
+    second = robot.client.node.create_publisher(JointState, f"{NAMESPACE}/joint_states", 10)
+    wait_until(lambda: newest and second.get_subscription_count() >= 2, 20, "joint states and who listens to them")
+    assert robot.mode() == "walking"
+    message = newest[-1]
+    assert seconds(message.header.stamp) > 2.0
+    message.header.stamp = Time(sec=1)
+    # controller_state counts the controller's own cycles; a change of mode is told at once.
+    before = robot.states[-1].cycles
+    second.publish(message)
+    wait_until(lambda: robot.mode() == "fault", 20, "a fault")
+    fault, took = robot.states[-1].fault, robot.states[-1].cycles - before
+    print(f"a second publisher of joint states: {fault} after {took} cycles, of them up to {STATE_CYCLES} before its message")
+    # Where the robot has moved on since the message that it repeats, its encoders jump first.
+    assert fault and set(fault.split(",")) <= {"clock_jump", "encoder_jump"}, fault
+    assert took <= STATE_CYCLES + SLACK_CYCLES
+    robot.client.node.destroy_publisher(second)
+    robot.client.node.destroy_subscription(subscription)
+    robot.walk()
+
+
 def test_the_bridge_killed_while_walking(robot):
     """No joint state any more: the controller damps by its own clock."""
     before = robot.states[-1]

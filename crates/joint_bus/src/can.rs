@@ -6,11 +6,12 @@ use socketcan::{
     SocketOptions, StandardId,
 };
 use std::io;
+use std::sync::Arc;
 use std::time::{Duration, SystemTime};
 
 /// One CAN interface, never blocking, with error frames switched on.
 pub struct CanLink {
-    interface: String,
+    interface: Arc<str>,
     /// None while it could not be opened.
     socket: Option<CanFdSocket>,
     /// Whether frames carry the kernel's time of arrival.
@@ -57,7 +58,7 @@ impl CanLink {
     }
 
     fn open_socket(&mut self) -> Result<(), LinkError> {
-        let down = |source| LinkError::Down { interface: self.interface.clone(), source };
+        let down = |source| LinkError::Down { interface: Arc::clone(&self.interface), source };
         let socket = CanFdSocket::open(&self.interface).map_err(down)?;
         socket.set_nonblocking(true).map_err(down)?;
         socket.set_error_filter_accept_all().map_err(down)?;
@@ -69,7 +70,7 @@ impl CanLink {
 
     fn lost(&mut self, source: io::Error) -> LinkError {
         self.socket = None;
-        LinkError::Down { interface: self.interface.clone(), source }
+        LinkError::Down { interface: Arc::clone(&self.interface), source }
     }
 }
 
@@ -129,7 +130,7 @@ impl Link for CanLink {
         result.map_err(|error| match error.raw_os_error() {
             Some(libc::ENOBUFS | libc::EAGAIN) => LinkError::Full,
             Some(libc::EINVAL | libc::EMSGSIZE) => {
-                LinkError::Unfit { interface: self.interface.clone(), source: error }
+                LinkError::Unfit { interface: Arc::clone(&self.interface), source: error }
             }
             _ => self.lost(error),
         })

@@ -3,6 +3,7 @@
 use crate::{Frame, Incoming, Link, LinkError};
 use std::collections::VecDeque;
 use std::io;
+use std::sync::Arc;
 use std::time::Duration;
 
 /// What goes wrong with frames that come in. Shares are of all frames, 0 to 1.
@@ -32,6 +33,7 @@ pub struct Faults {
 #[derive(Debug)]
 pub struct Faulty<L> {
     inner: L,
+    name: Arc<str>,
     /// What goes wrong; change it at any time.
     pub faults: Faults,
     random: u64,
@@ -47,6 +49,7 @@ impl<L> Faulty<L> {
     pub fn new(inner: L, seed: u64) -> Self {
         Self {
             inner,
+            name: "faulty".into(),
             faults: Faults::default(),
             random: seed.wrapping_mul(0x9e37_79b9_7f4a_7c15) | 1,
             late: VecDeque::new(),
@@ -69,7 +72,7 @@ impl<L> Faulty<L> {
     }
 
     fn down(&self) -> LinkError {
-        LinkError::Down { interface: "faulty".into(), source: io::Error::from_raw_os_error(libc::ENETDOWN) }
+        LinkError::Down { interface: Arc::clone(&self.name), source: io::Error::from_raw_os_error(libc::ENETDOWN) }
     }
 }
 

@@ -2,6 +2,7 @@
 
 use crate::Frame;
 use std::io;
+use std::sync::Arc;
 use std::time::Duration;
 
 /// What came in.
@@ -28,8 +29,8 @@ pub enum LinkError {
     /// The interface is down or gone.
     #[error("{interface} is down: {source}. Bring it up: ip link set {interface} up")]
     Down {
-        /// The interface's name.
-        interface: String,
+        /// The interface's name, shared: the control cycle, which meets this while a link is down, must not allocate.
+        interface: Arc<str>,
         /// Why.
         source: io::Error,
     },
@@ -37,7 +38,7 @@ pub enum LinkError {
     #[error("{interface} does not carry such frames: {source}")]
     Unfit {
         /// The interface's name.
-        interface: String,
+        interface: Arc<str>,
         /// Why.
         source: io::Error,
     },

@@ -383,18 +383,28 @@ fn a_controller_that_dies_and_comes_back() {
 }
 
 #[test]
-fn reading_and_writing_allocate_nothing() {
-    let mut robot = Robot::walking();
-    let command = robot.last.unwrap().command;
-    let before = realtime::allocations_of_this_thread();
-    for _ in 0..10_000 {
-        robot.now += MS;
-        let now = robot.now;
-        robot.bench.bus.read(now, &mut robot.readings);
-        robot.bench.bus.write(&command, true, now);
-        robot.bench.act(now, &robot.q.clone(), &robot.v.clone(), None);
+fn reading_and_writing_allocate_nothing_whatever_state_the_links_are_in() {
+    let states = [
+        Faults::default(),
+        Faults { down: true, ..Faults::default() },
+        Faults { bus_off: true, ..Faults::default() },
+        Faults { full: true, ..Faults::default() },
+    ];
+    for faults in states {
+        let mut robot = Robot::walking();
+        let command = robot.last.unwrap().command;
+        let before = realtime::allocations_of_this_thread();
+        for _ in 0..10_000 {
+            // Reopening a link would mend it.
+            robot.bench.all_faults(faults);
+            robot.now += MS;
+            let now = robot.now;
+            robot.bench.bus.read(now, &mut robot.readings);
+            robot.bench.bus.write(&command, true, now);
+            robot.bench.act(now, &robot.q.clone(), &robot.v.clone(), None);
+        }
+        assert_eq!(realtime::allocations_of_this_thread(), before, "{faults:?}");
     }
-    assert_eq!(realtime::allocations_of_this_thread(), before);
 }
 
 #[global_allocator]
