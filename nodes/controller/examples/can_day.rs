@@ -135,8 +135,17 @@ struct Day {
 const TRIGGERS: [&str; 5] = ["arm", "disarm", "stand", "walk", "/sim/reset"];
 /// Stood up faster than a real robot would be, because a second here takes many on the machine that plays it.
 /// Topics are told of less often than every millisecond for the same reason: the machine has one processor for everything.
-const CONTROLLER: [&str; 7] =
-    ["--ros-args", "-p", "backend:=can", "-p", "posture_speed_rad_s:=2.0", "-p", "joint_states_rate_hz:=10.0"];
+const CONTROLLER: [&str; 9] = [
+    "--ros-args",
+    "-p",
+    "backend:=can",
+    "-p",
+    "posture_speed_rad_s:=2.0",
+    "-p",
+    "start_blend_s:=0.6",
+    "-p",
+    "joint_states_rate_hz:=10.0",
+];
 const BRIDGE: [&str; 13] = [
     "--can",
     "can0,can1,can2,can3",
