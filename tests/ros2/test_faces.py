@@ -1,6 +1,7 @@
 """Every row of docs/interfaces.md with rclpy's own publishers, subscriptions and clients: the topics, services and parameters of the
 three nodes, what they carry checked both ways. The planner's are in test_planner.py, lifecycle's in test_lifecycle.py."""
 
+import itertools
 import json
 import math
 import re
@@ -219,6 +220,7 @@ def test_a_paused_robot_is_stepped_and_every_topic_tells_of_the_same_instant(rob
 
 
 def test_a_standing_robot_weighs_what_it_weighs_and_a_push_moves_it(robot):
+    from diagnostic_msgs.msg import DiagnosticArray
     from geometry_msgs.msg import WrenchStamped
     from rcl_interfaces.msg import Parameter, ParameterEvent, ParameterValue
     from rcl_interfaces.srv import SetParameters
@@ -255,8 +257,8 @@ def test_a_standing_robot_weighs_what_it_weighs_and_a_push_moves_it(robot):
     robot.pause(False)
     wait_until(lambda: heard["real_time_factor"] and heard["real_time_factor"][-1].data > 0, 10, "real_time_factor")
     names = lambda: {status.name for message in heard["/diagnostics"] for status in message.status}
-    wait_until(lambda: {"/faced/controller: control loop", "/faced/sim_bridge: simulation"} <= names(), 10, lambda: f"{names()}")
-    heard.close()
+    loops = ("/faced/controller: control loop", "/faced/sim_bridge: simulation")
+    wait_until(lambda: set(loops) <= names(), 10, lambda: f"{names()}")
 
     events = []
     robot.client.node.create_subscription(ParameterEvent, "/parameter_events", events.append, 10)
@@ -284,6 +286,18 @@ def test_a_standing_robot_weighs_what_it_weighs_and_a_push_moves_it(robot):
     # How far a push moves it depends on what it did before; that it does is enough here.
     assert min(moved.values()) > 0.01, moved
     assert robot.mode() == "standing"
+
+    # Once a second: of the control cycles, which follow the simulation here, and of the wall clock.
+    said = lambda name: [status for message in list(heard["/diagnostics"]) for status in message.status if status.name == name]
+    came = []
+    note = lambda message: came.append(time.monotonic()) if any(status.name == loops[1] for status in message.status) else None
+    robot.client.node.create_subscription(DiagnosticArray, "/diagnostics", note, 10)
+    wait_until(lambda: len(came) >= 4 and len(said(loops[0])) >= 4, 20, lambda: f"four diagnostics of each: {came}, {len(said(loops[0]))}")
+    cycles = [int(next(value.value for value in status.values if value.key == "cycles")) for status in said(loops[0])]
+    assert {after - before for before, after in itertools.pairwise(cycles)} == {1000}, cycles
+    gaps = sorted(after - before for before, after in itertools.pairwise(came))
+    assert gaps[len(gaps) // 2] == pytest.approx(1.0, abs=0.2), gaps
+    heard.close()
 
 
 def test_the_ground_is_the_one_that_the_parameters_name(processes, client):

@@ -231,6 +231,25 @@ def test_log_lines_reach_rosout(client, exercise):
     assert all(line.level >= 20 for line in ours), "no debug lines unless they are asked for"
 
 
+def test_every_severity_reaches_rosout(client, processes):
+    from rcl_interfaces.msg import Log
+    from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
+    from std_srvs.srv import SetBool
+
+    lines = []
+    qos = QoSProfile(depth=1000, reliability=ReliabilityPolicy.RELIABLE, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+    subscription = client.node.create_subscription(Log, "/rosout", lines.append, qos)
+    talker = processes("examples/exercise", "--ros-args", "-r", "__node:=talker", "--log-level", "debug", name="talker")
+    service = client.service(SetBool, "/count")
+    for data in (True, False):
+        assert client.call(service, SetBool.Request(data=data)).success == data
+    said = lambda: {(line.level, line.msg) for line in list(lines) if line.name == "talker" and line.msg.startswith("call")}
+    expected = {(10, "call 1"), (10, "call 2"), (40, "call 2 failed, as it was asked to")}
+    wait_until(lambda: said() == expected, 10, lambda: f"{expected}, heard {said()}")
+    client.node.destroy_subscription(subscription)
+    talker.stop()
+
+
 def test_a_publisher_of_another_type_is_dropped_and_named(client, exercise, processes):
     """Fast DDS does not match other types; our middleware does, and what arrives decodes as garbage."""
     from tandem_msgs.msg import Gait

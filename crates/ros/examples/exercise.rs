@@ -2,7 +2,7 @@
 //!
 //! It echoes `input` on `output` (reliable) and `fast_input` on `fast_output` (best effort), keeps a latched `description`, serves
 //! `add` (std_srvs/SetBool: answers after a delay given by a parameter), and calls the service `remote` once when `trigger` is
-//! called.
+//! called. Each call of `count` is a line of debugging, one with `false` an error.
 
 use std::sync::Arc;
 use std::time::Duration;
@@ -47,6 +47,10 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     node.serve::<SetBool>("count", move |request| {
         std::thread::sleep(Duration::from_millis(delay_ms.get().unsigned_abs()));
         calls += 1;
+        tracing::debug!("call {calls}");
+        if !request.data {
+            tracing::error!("call {calls} failed, as it was asked to");
+        }
         SetBoolResponse { success: request.data, message: calls.to_string() }
     })?;
     node.serve::<GenerateGait>("generate", |request| GenerateGaitResponse {
