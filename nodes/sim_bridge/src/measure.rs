@@ -7,6 +7,9 @@ use serde::Serialize;
 /// The first seconds of a walk are not counted in means: the robot settles into the gait.
 pub const SETTLING_S: f64 = 2.0;
 
+/// This share of a drive's limit counts as its limit: a frame resolves a two-thousandth of the torque.
+const SATURATED: f64 = 0.999;
+
 /// One number for each joint type.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
 pub struct PerJointType {
@@ -39,7 +42,7 @@ pub struct WalkFigures {
     pub mean_abs_torque_nm: PerJointType,
     /// Largest |torque| after settling, Nm.
     pub max_torque_nm: f64,
-    /// Share of samples after settling at which a joint's torque is at the drive's limit.
+    /// Share of samples after settling at which a joint's torque is within a thousandth of the drive's limit.
     pub saturated_share: f64,
     /// Mean speed along the body's own heading over the second half of the steps, m/s.
     pub speed_m_s: f64,
@@ -155,7 +158,7 @@ impl Measure {
         for (j, torque) in state.joint_torque_nm.iter().enumerate() {
             self.torque[j % 3].add(torque.abs());
             self.max_torque_nm = self.max_torque_nm.max(torque.abs());
-            self.saturated.add(f64::from(torque.abs() >= self.torque_limit_nm[j] - 1e-9));
+            self.saturated.add(f64::from(torque.abs() >= SATURATED * self.torque_limit_nm[j]));
         }
         self.height.add(height_m);
         self.roll.add(roll);
