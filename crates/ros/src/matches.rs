@@ -25,8 +25,7 @@ impl Table {
     /// Returns whether it has changed anything.
     fn note(&mut self, event: &Event) -> bool {
         self.events += 1;
-        let since = |endpoints: &BTreeMap<GUID, u64>| endpoints.len();
-        let before = (since(&self.readers), since(&self.writers));
+        let before = (self.readers.len(), self.writers.len());
         match event {
             Event::RemoteReaderMatched { remote_reader, .. } => {
                 self.readers.insert(*remote_reader, self.events);
@@ -45,7 +44,7 @@ impl Table {
             }
             _ => {}
         }
-        before != (since(&self.readers), since(&self.writers))
+        before != (self.readers.len(), self.writers.len())
     }
 }
 
