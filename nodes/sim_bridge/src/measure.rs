@@ -219,6 +219,18 @@ mod tests {
     }
 
     #[test]
+    fn a_torque_that_a_frame_rounded_below_the_limit_is_at_the_limit() {
+        for (torque_nm, share) in [(50.0, 1.0 / 3.0), (-49.96, 1.0 / 3.0), (49.9, 0.0)] {
+            let mut measure = Measure::new(0.4, [50.0; 12]);
+            for i in 0..10_000 {
+                measure.sample(&state(1e-3 * f64::from(i), 0.0, 0.0, 0.0, torque_nm), 0.55);
+            }
+            let told = measure.figures().saturated_share;
+            assert!((told - share).abs() < 1e-12, "{torque_nm} N m: {told}");
+        }
+    }
+
+    #[test]
     fn a_straight_walk_in_any_direction_has_its_speed_ahead() {
         for heading in [0.0f64, 1.2, -3.0] {
             let mut measure = Measure::new(0.4, [50.0; 12]);
