@@ -73,6 +73,9 @@ pub use qos::Qos;
 pub use service::ServeOptions;
 pub use time::{Clock, wall_time};
 
+// Does not compile? Run launch-scripts/setup: cargo then builds RustDDS with the patches of patches/.
+const _: &str = ros2_client::dds::rustdds::PATCHED_FOR_TANDEM; // launch-scripts/setup makes it
+
 /// A message as the middleware wants it: its marker trait cannot be implemented for types of another crate.
 #[derive(Clone, Debug, serde::Serialize, serde::Deserialize)]
 #[serde(transparent, bound = "")]
