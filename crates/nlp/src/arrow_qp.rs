@@ -71,6 +71,12 @@ pub enum ArrowQpError {
         /// The row that found no place.
         row: usize,
     },
+    /// Rounding spoilt the point: a row that should hold with equality does not.
+    #[error("rows nearly repeat each other: row {row} is broken by rounding")]
+    Inaccurate {
+        /// The row.
+        row: usize,
+    },
     /// Rounding kept it from ending.
     #[error("it does not end")]
     IterationLimit,
@@ -144,6 +150,8 @@ impl<const W: usize> Default for DualActiveSet<W> {
 
 /// A row counts as broken when it is by more than this, relative to its normal's length.
 const TOLERANCE: f64 = 1e-10;
+/// An active row that is off its bound by more than this, relative to its normal and bound, is a sign of rounding gone wrong.
+const ACTIVE_TOLERANCE: f64 = 1e-7;
 /// A normal is a combination of the active ones when the square of what is left of it is below this, relative to it.
 const REPEATED: f64 = 1e-20;
 
@@ -179,7 +187,9 @@ impl<const W: usize> DualActiveSet<W> {
                         (length, blocking) = (active.multiplier / step, Some(k));
                     }
                 }
-                let reachable = gained > REPEATED * normal.dot(&normal);
+                // As many active rows as unknowns leave no direction; what seems to be left of the normal then is rounding.
+                let complete = self.active.len() >= W + qp.own.len();
+                let reachable = !complete && gained > REPEATED * normal.dot(&normal);
                 let full = if reachable { -self.slack(qp, row, side) / gained } else { f64::INFINITY };
                 if !length.is_finite() && !full.is_finite() {
                     return Err(ArrowQpError::Infeasible { row });
@@ -199,7 +209,20 @@ impl<const W: usize> DualActiveSet<W> {
                 self.drop(blocking.expect("a finite length has a row that stops it"));
             }
         }
-        Ok(())
+        self.check_active(qp)
+    }
+
+    /// Rows that nearly repeat each other make R singular but for rounding, and the point then breaks rows that count as active.
+    fn check_active(&self, qp: &ArrowQp<W>) -> Result<(), ArrowQpError> {
+        let holds = |a: &Active<W>| {
+            let row = &qp.rows[a.row];
+            let bound = if a.side > 0.0 { row.lower } else { row.upper };
+            self.slack(qp, a.row, a.side).abs() <= ACTIVE_TOLERANCE * (self.scale[a.row] + bound.abs())
+        };
+        match self.active.iter().find(|a| !holds(a)) {
+            None => Ok(()),
+            Some(broken) => Err(ArrowQpError::Inaccurate { row: broken.row }),
+        }
     }
 
     /// Forgets which rows were active in the last solve.
@@ -587,6 +610,51 @@ mod tests {
             }
         }
         assert!(solved > 50 && infeasible > 10, "{solved} solved, {infeasible} infeasible");
+    }
+
+    /// Rows that repeat each other but for rounding, between bounds that contradict each other or hardly do not.
+    #[test]
+    fn rows_that_nearly_repeat_each_other_never_end_in_an_optimum_that_breaks_them() {
+        let mut solver = DualActiveSet::default();
+        let (mut solved, mut refused) = (0, 0);
+        for seed in 0..20000 {
+            let own = seed as usize % 5;
+            let mut qp = random(seed, own, 2 * W, [0.02, 0.3, 3.0][seed as usize % 3]);
+            let apart = 10f64.powi(-8 - (seed % 6) as i32);
+            let mut r = noise(seed + 7);
+            // Nearly flat in one direction: there the rows' normals are long in the Hessian's metric.
+            for i in 0..W {
+                for k in 0..W {
+                    qp.hessian[i][k] *= if i == 0 || k == 0 { 1e-5 } else { 1.0 };
+                }
+            }
+            qp.hessian[0][0] += 1e-9;
+            for own in &mut qp.own {
+                own.coupling[0] *= 1e-5;
+            }
+            for row in qp.rows.clone().iter().cycle().take(4 * W) {
+                let normal = row.normal.map(|n| n + apart * r());
+                let offset = row.offset + [0.1 * apart, 100.0 * apart, 1e-3, 0.5][seed as usize % 4] * r();
+                qp.rows.push(ArrowRow { normal, offset, ..*row });
+            }
+            if solver.solve(&qp).is_err() {
+                refused += 1;
+                continue;
+            }
+            solved += 1;
+            assert!(solver.active().count() <= W + own, "seed {seed}: more active rows than unknowns");
+            for (i, row) in qp.rows.iter().enumerate() {
+                let value = solver.value(row);
+                let allowed = 1e-6 * (1.0 + solver.scale[i]);
+                assert!(
+                    value > row.lower - allowed && value < row.upper + allowed,
+                    "seed {seed}: row {i} is {value}, allowed {} to {}",
+                    row.lower,
+                    row.upper
+                );
+            }
+        }
+        assert!(solved > 100 && refused > 100, "{solved} solved, {refused} refused");
     }
 
     #[test]

@@ -137,7 +137,7 @@ impl<P: Problem, const W: usize> Subproblem<P> for NullSpace<W> {
                     Ok(()) => return self.numbers.expand(&self.solver),
                     Err(ArrowQpError::Infeasible { .. }) => return Err(SubproblemError::Infeasible),
                     // Clarabel tells what is the matter.
-                    Err(ArrowQpError::NotConvex | ArrowQpError::IterationLimit) => {}
+                    Err(ArrowQpError::NotConvex | ArrowQpError::Inaccurate { .. } | ArrowQpError::IterationLimit) => {}
                 }
             }
         }
