@@ -58,7 +58,7 @@ pub enum RosError {
 /// A message was not sent.
 #[derive(Debug, thiserror::Error)]
 pub enum PublishError {
-    /// A reliable subscriber stopped reading and the writer's window is full. Publishing does not wait for it.
+    /// A reliable subscriber has fallen behind a publisher that keeps all ([`Qos::keep_all`](crate::Qos::keep_all)).
     #[error("topic {topic}: a reliable subscriber does not keep up, the message is dropped")]
     Full {
         /// The topic.

@@ -426,7 +426,7 @@ impl Node {
                     &name,
                     &ServiceTypeName::new(S::PACKAGE, S::NAME),
                     Qos::service(),
-                    Qos::patient_answers(),
+                    Qos::service(),
                 )
             })
             .ok_or_else(|| self.shut_down(&full))?

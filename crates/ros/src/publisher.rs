@@ -63,7 +63,7 @@ impl<M: Message> Publisher<M> {
     /// Sends a message. Never waits for a subscriber.
     ///
     /// # Errors
-    /// When a reliable subscriber has stalled, after the node's end, or with the middleware's reason.
+    /// After the node's end, when a publisher that keeps all has no room left, or with the middleware's reason.
     pub fn publish(&self, message: M) -> Result<(), PublishError> {
         self.slot.publish(&self.topic, message)
     }
@@ -91,8 +91,8 @@ impl RawPublisher {
     /// Never waits for a subscriber.
     ///
     /// # Errors
-    /// When the header is another one, when a reliable subscriber has stalled, after the node's end, or with the middleware's
-    /// reason.
+    /// When the header is another one, after the node's end, when a publisher that keeps all has no room left, or with the
+    /// middleware's reason.
     pub fn publish(&self, cdr: &[u8]) -> Result<(), PublishError> {
         match cdr.split_at_checked(4) {
             Some(([0, 1, ..], body)) => self.slot.publish(&self.topic, Raw(body.to_vec())),

@@ -1,14 +1,9 @@
 //! Quality of service: always stated, never a default.
 
-use std::time::Duration;
-
 use ros2_client::qos::{Durability, History, QosProfile, Reliability, WhenFull};
 
 /// Requests that the middleware keeps for a server, and answers for a client: more than those of a burst, so that none is overwritten.
 const SERVICE_DEPTH: usize = 1024;
-
-/// Longer than other implementations' leases, after which a client that has stalled is forgotten.
-const PATIENCE: Duration = Duration::from_secs(60);
 
 /// The quality of service of a publisher or a subscription.
 ///
@@ -17,44 +12,46 @@ const PATIENCE: Duration = Duration::from_secs(60);
 pub struct Qos {
     reliable: bool,
     transient_local: bool,
-    depth: usize,
+    /// `None`: everything is kept until every reliable subscription has it.
+    depth: Option<usize>,
 }
 
 impl Qos {
-    /// Newest data matters, lost data does not: joint states and commands, anything above 150 Hz.
+    /// A subscription for which only the newest data matters: joint states and commands in a control loop.
     #[must_use]
     pub const fn best_effort(depth: usize) -> Self {
-        Qos { reliable: false, transient_local: false, depth }
+        Qos { reliable: false, transient_local: false, depth: Some(depth) }
     }
 
-    /// Every message arrives, in order. A publisher never waits for a stalled subscriber: see
-    /// [`PublishError::Full`](crate::PublishError::Full).
+    /// Every message arrives, in order, at a subscription that keeps up: the last `depth` messages are kept for it, newer ones
+    /// overwrite them. A publisher waits for nobody, and serves best-effort subscriptions as well.
     #[must_use]
     pub const fn reliable(depth: usize) -> Self {
-        Qos { reliable: true, transient_local: false, depth }
+        Qos { reliable: true, transient_local: false, depth: Some(depth) }
+    }
+
+    /// Reliable, and nothing is overwritten: a publisher whose subscriptions have fallen behind by 8192 messages gets
+    /// [`PublishError::Full`](crate::PublishError::Full). For one that can wait.
+    #[must_use]
+    pub const fn keep_all() -> Self {
+        Qos { reliable: true, transient_local: false, depth: None }
     }
 
     /// Reliable, and the last message is kept for those who come later: `gait`, `robot_description`.
     #[must_use]
     pub const fn latched() -> Self {
-        Qos { reliable: true, transient_local: true, depth: 1 }
+        Qos { reliable: true, transient_local: true, depth: Some(1) }
     }
 
     /// Reliable and transient-local with a depth, as `/rosout` and `/tf_static` have it.
     #[must_use]
     pub const fn transient_local(depth: usize) -> Self {
-        Qos { reliable: true, transient_local: true, depth }
+        Qos { reliable: true, transient_local: true, depth: Some(depth) }
     }
 
     /// Both ways of a service.
     pub(crate) fn service() -> QosProfile {
         Qos::reliable(SERVICE_DEPTH).profile()
-    }
-
-    /// The answers of a service that awaits their sending: they wait while a stalled client has left no room, until it goes on or
-    /// its lease ends.
-    pub(crate) fn patient_answers() -> QosProfile {
-        Qos::service().reliability(Reliability::Reliable { when_full: WhenFull::Wait(PATIENCE) })
     }
 
     pub(crate) fn profile(self) -> QosProfile {
@@ -67,6 +64,6 @@ impl Qos {
         QosProfile::default()
             .reliability(reliability)
             .durability(if self.transient_local { Durability::TransientLocal } else { Durability::Volatile })
-            .history(History::KeepLast { depth: self.depth })
+            .history(self.depth.map_or(History::KeepAll, |depth| History::KeepLast { depth }))
     }
 }

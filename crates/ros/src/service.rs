@@ -60,8 +60,7 @@ pub(crate) async fn serve<S: Service>(
     let mut requests = server.receive_request_stream();
     let mut waiting: VecDeque<(RmwRequestId, S::Request)> = VecDeque::new();
     let mut running = FuturesUnordered::new();
-    // An answer may wait for its caller to become known, and long for room behind a stalled client; no other request must wait for
-    // that, least of all one to stop.
+    // An answer may wait for its caller to become known; no other request must wait for that, least of all one to stop.
     let mut unsent = FuturesUnordered::new();
     loop {
         while running.len() < options.parallel

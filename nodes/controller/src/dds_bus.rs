@@ -2,6 +2,7 @@
 //! takes no lock and allocates nothing; two wait-free buffers join it to the middleware's threads, [`listen`] and [`Speaker`].
 
 use crate::ports;
+use crate::press::OFFERED;
 use control::{FaultReport, JOINTS, JointCommand};
 use joint_bus::{BusHealth, JointBus, LinkHealth, Readings};
 use realtime::monotonic_now;
@@ -258,9 +259,8 @@ impl Speaker {
         names: [String; JOINTS],
         commands: Consumer<CommandMessage>,
         all: bool,
-        qos: Qos,
     ) -> Result<Self, RosError> {
-        let publisher = node.publisher("joint_command", qos)?;
+        let publisher = node.publisher("joint_command", OFFERED)?;
         Ok(Self { commands, publisher, names, all, last: None, repeats: 0 })
     }
 

@@ -18,6 +18,9 @@ use tandem_msgs::{ControllerState, sensor_msgs};
 /// How long it sleeps when nobody wakes it.
 const PATIENCE: Duration = Duration::from_millis(20);
 
+/// Serves subscriptions of either reliability; a slow one misses messages and holds up nobody.
+pub const OFFERED: Qos = Qos::reliable(10);
+
 /// The node's publishers.
 pub struct Press {
     /// Where the joints are behind topics.
@@ -31,7 +34,6 @@ pub struct Press {
     joint_names: [String; JOINTS],
     node_name: String,
     clock: Clock,
-    lockstep: bool,
     /// Cycles between two messages of state.
     state_every: u64,
     stop: Stop,
@@ -52,21 +54,18 @@ impl Press {
     pub fn new(
         node: &Node,
         joint_names: [String; JOINTS],
-        lockstep: bool,
         (state_every, joint_states_every): (u64, u64),
-        fast: Qos,
         speaker: Option<Speaker>,
         recording: Arc<Recording>,
     ) -> Result<Self, RosError> {
         Ok(Self {
-            joint_states: speaker.is_none().then(|| node.publisher("joint_states", fast)).transpose()?,
+            joint_states: speaker.is_none().then(|| node.publisher("joint_states", OFFERED)).transpose()?,
             speaker,
-            controller_state: node.publisher("controller_state", Qos::reliable(10))?,
-            diagnostics: node.publisher("/diagnostics", Qos::reliable(10))?,
+            controller_state: node.publisher("controller_state", OFFERED)?,
+            diagnostics: node.publisher("/diagnostics", OFFERED)?,
             joint_names,
             node_name: node.full_name(),
             clock: node.clock(),
-            lockstep,
             state_every,
             joint_states_every,
             stop: node.stop(),
@@ -154,12 +153,6 @@ impl Press {
     fn note(&mut self, sent: Result<(), PublishError>) {
         let Err(error) = sent else { return };
         if self.stop.is_requested() {
-            return;
-        }
-        if self.lockstep && matches!(error, PublishError::Full { .. }) {
-            // Lockstep promises that nothing is lost.
-            tracing::error!("{error}; lockstep ends");
-            self.stop.request();
             return;
         }
         self.publish_failures += 1;

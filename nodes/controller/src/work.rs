@@ -5,7 +5,7 @@ use crate::config::{Pace, Parameters};
 use crate::cycle::{Cycle, EmergencyStop};
 use crate::dds_bus::{CycleClock, DEPTH, DdsBus, Speaker};
 use crate::desk::{Desk, Sensors};
-use crate::press::{Press, PressRoom};
+use crate::press::{self, Press, PressRoom};
 use crate::tape::{self, Recording, Subject};
 use anyhow::Context as _;
 use control::{Controller, Mode};
@@ -105,8 +105,9 @@ impl Work {
         let bus = parameters.bus_file.as_deref().map(|file| open_bus(file, &robot, &config)).transpose()?;
         let on_bus = bus.is_some();
         let lockstep = parameters.pace == Pace::Lockstep;
-        // Nothing may be lost between two processes that wait for each other; else only the newest counts.
-        let fast = if lockstep { Qos::reliable(10) } else { Qos::best_effort(1) };
+        // Nothing may be lost between two processes that wait for each other; else only the newest counts, and nobody is to send
+        // an old one again.
+        let fast = if lockstep { press::OFFERED } else { Qos::best_effort(1) };
 
         let (states_in, states) = RingBuffer::new(DEPTH);
         let (commands_in, commands) = RingBuffer::new(DEPTH);
@@ -144,10 +145,9 @@ impl Work {
             lockstep,
         ));
         let joint_names = config.joint_names.each_ref().map(|name| format!("{}{name}", parameters.joint_prefix));
-        let speaker =
-            (!on_bus).then(|| Speaker::new(&node, joint_names.clone(), commands, lockstep, fast)).transpose()?;
+        let speaker = (!on_bus).then(|| Speaker::new(&node, joint_names.clone(), commands, lockstep)).transpose()?;
         let every = (parameters.state_every, parameters.joint_states_every);
-        let press = Press::new(&node, joint_names.clone(), lockstep, every, fast, speaker, Arc::clone(&recording))?;
+        let press = Press::new(&node, joint_names.clone(), every, speaker, Arc::clone(&recording))?;
         let writer = std::thread::Builder::new().name("recording".into()).spawn(move || writer.run())?;
         if let Some(folder) = &parameters.record_folder {
             let folder = std::path::absolute(folder)?.join(tape::folder_name(since_epoch));

@@ -31,6 +31,8 @@ use tandem_msgs::tf2_msgs::TFMessage;
 
 /// A state that is waited on is published again after this time.
 const REPUBLISH: Duration = Duration::from_millis(50);
+/// Serves subscriptions of either reliability; a slow one misses messages and holds up nobody.
+const OFFERED: Qos = Qos::reliable(10);
 /// A service gives up on the simulation's thread after this time.
 const SERVICE_PATIENCE: Duration = Duration::from_secs(3);
 /// Behind CAN nobody waits for the topics: joint states and clock are told of every so many control periods.
@@ -112,6 +114,7 @@ pub struct Bridge {
     period: u64,
     counts: Counts,
     report: Option<(Instant, f64)>,
+    standing_time_told: Option<Instant>,
 }
 
 impl Bridge {
@@ -124,26 +127,27 @@ impl Bridge {
         let simulator = Simulator::new(robot, config.simulator.clone())?;
         let joint_names = robot.joint_names().map(|name| format!("{}{name}", config.joint_prefix));
         let frames = ports::Frames::new(&config.frame_prefix);
-        let fast = match config.pace {
+        let commands = match config.pace {
+            // Only the newest counts: nobody is to send an old one again.
             Pace::Realtime => Qos::best_effort(1),
             // Nothing may be lost between two processes that wait for each other.
-            Pace::Lockstep => Qos::reliable(10),
+            Pace::Lockstep => OFFERED,
         };
         let robot_description = node.publisher("robot_description", Qos::latched())?;
         robot_description.publish(tandem_msgs::std_msgs::String { data: robot.urdf.clone() })?;
         let ports = Ports {
-            joint_states: node.publisher("joint_states", fast)?,
-            imu: node.publisher("imu", Qos::best_effort(1))?,
-            odom: node.publisher("odom", Qos::best_effort(1))?,
+            joint_states: node.publisher("joint_states", OFFERED)?,
+            imu: node.publisher("imu", OFFERED)?,
+            odom: node.publisher("odom", OFFERED)?,
             tf: node.publisher("/tf", Qos::reliable(100))?,
-            clock: node.publisher("/clock", Qos::best_effort(1))?,
+            clock: node.publisher("/clock", OFFERED)?,
             ground_forces: robot
                 .legs
                 .iter()
-                .map(|leg| node.publisher(&format!("ground_force/{}", leg.name), Qos::best_effort(1)))
+                .map(|leg| node.publisher(&format!("ground_force/{}", leg.name), OFFERED))
                 .collect::<Result<_, _>>()?,
-            real_time_factor: node.publisher("real_time_factor", Qos::best_effort(1))?,
-            diagnostics: node.publisher("/diagnostics", Qos::reliable(10))?,
+            real_time_factor: node.publisher("real_time_factor", OFFERED)?,
+            diagnostics: node.publisher("/diagnostics", OFFERED)?,
             _robot_description: robot_description,
         };
 
@@ -151,7 +155,7 @@ impl Bridge {
         let refused_commands = Arc::new(AtomicU64::new(0));
         let (to, names, refused) = (Arc::clone(&inbox), joint_names.clone(), Arc::clone(&refused_commands));
         if bench.is_none() {
-            node.subscribe("joint_command", fast, move |message: tandem_msgs::JointCommand| {
+            node.subscribe("joint_command", commands, move |message: tandem_msgs::JointCommand| {
                 match ports::joint_command(&message, &names) {
                     Ok(command) => to.put_command(Answer { stamp_ns: message.header.stamp.nanoseconds(), command }),
                     Err(reason) => {
@@ -203,6 +207,7 @@ impl Bridge {
             period: 1,
             counts: Counts::default(),
             report: None,
+            standing_time_told: None,
         };
         bridge.put_down();
         Ok(bridge)
@@ -221,7 +226,7 @@ impl Bridge {
     /// Steps and publishes until the inbox is closed.
     ///
     /// # Errors
-    /// In lockstep: no command, or a reliable subscriber that does not keep up.
+    /// In lockstep: no command, or what the middleware refuses.
     pub fn run(mut self) -> Result<(), BridgeError> {
         match self.config.pace {
             Pace::Realtime => self.run_realtime(),
@@ -242,6 +247,15 @@ impl Bridge {
         let message =
             ports::joint_state(&self.simulator.state(), &self.joint_names, Time::from_nanoseconds(self.stamp_ns()));
         self.ports.joint_states.publish(message)
+    }
+
+    /// While paused: the joint states for a controller that comes now, and the time for nodes that follow `/clock`.
+    fn publish_standing_time(&mut self) -> Result<(), PublishError> {
+        if self.standing_time_told.is_none_or(|told| told.elapsed() >= REPUBLISH) {
+            self.standing_time_told = Some(Instant::now());
+            self.ports.clock.publish(Clock { clock: Time::from_nanoseconds(self.stamp_ns()) })?;
+        }
+        self.publish_joint_states()
     }
 
     /// Everything that belongs to a new stamp; joint states last, because they are what others wait for.
@@ -351,7 +365,7 @@ impl Bridge {
             self.report(Instant::now());
             if self.paused && single_steps == 0 {
                 self.inbox.wait_for_request(REPUBLISH);
-                self.publish_joint_states()?;
+                self.publish_standing_time()?;
                 waiting_since = Instant::now();
                 continue;
             }
@@ -400,7 +414,7 @@ impl Bridge {
                 continue;
             }
             if self.paused && served.single_steps == 0 {
-                if let Err(error) = self.publish_joint_states() {
+                if let Err(error) = self.publish_standing_time() {
                     self.note_failure(&error);
                 }
                 self.report(Instant::now());

@@ -1,6 +1,6 @@
 //! `tandem bag play`: a recording is published with its own timing.
 
-use ::bag::{Bag, Durability, Message, Messages, Reliability};
+use ::bag::{Bag, Durability, Message, Messages};
 use anyhow::{Context, Result, bail};
 use ros::{Node, PublishError, Qos, RawPublisher};
 use std::io::BufRead;
@@ -55,8 +55,10 @@ pub struct Arguments {
     ros: Vec<String>,
 }
 
-/// Messages kept for a reliable subscriber that falls behind.
-const RELIABLE_DEPTH: usize = 1000;
+/// Messages kept for reliable subscriptions at least.
+const DEPTH: usize = 10;
+/// Pace at which large messages arrive, retransmissions included.
+const BYTES_PER_MS: u64 = 20_000;
 /// How often controls are looked at while waiting, and the clock's period.
 const TICK: Duration = Duration::from_millis(10);
 
@@ -103,7 +105,7 @@ pub fn run(arguments: &Arguments) -> Result<ExitCode> {
         }
         publishers.push(Some(node.raw_publisher(&topic.name, &topic.type_name, qos(topic, arguments.reliable))?));
     }
-    let clock = arguments.clock.then(|| node.publisher::<Clock>("/clock", Qos::best_effort(1))).transpose()?;
+    let clock = arguments.clock.then(|| node.publisher::<Clock>("/clock", Qos::reliable(DEPTH))).transpose()?;
     let controls = controls(&node)?;
     println!(
         "{}: {duration_s:.1} s, {} messages on {} topics, at {} times real time",
@@ -143,10 +145,8 @@ pub fn run(arguments: &Arguments) -> Result<ExitCode> {
         if player.lost > 0 { format!(", {} lost", player.lost) } else { String::new() }
     );
     let lost = player.lost;
-    if arguments.reliable {
-        // The last messages may still be on their way, or asked for again.
-        std::thread::sleep(player.time_to_arrive());
-    }
+    // The last messages may still be on their way, or asked for again.
+    std::thread::sleep(player.time_to_arrive());
     drop(player);
     node.shutdown();
     Ok(if lost == 0 { ExitCode::SUCCESS } else { ExitCode::FAILURE })
@@ -169,11 +169,11 @@ fn check_seek(at_s: f64, duration_s: f64) -> Result<()> {
 fn qos(topic: &::bag::BagTopic, reliable: bool) -> Qos {
     let recorded = topic.qos.unwrap_or(::bag::Qos::reliable(10));
     let depth = recorded.depth as usize;
-    match (recorded.durability, recorded.reliability) {
-        (Durability::TransientLocal, _) => Qos::transient_local(depth),
-        (Durability::Volatile, _) if reliable => Qos::reliable(RELIABLE_DEPTH),
-        (Durability::Volatile, Reliability::Reliable) => Qos::reliable(depth),
-        (Durability::Volatile, Reliability::BestEffort) => Qos::best_effort(depth),
+    match recorded.durability {
+        Durability::TransientLocal => Qos::transient_local(depth),
+        Durability::Volatile if reliable => Qos::keep_all(),
+        // Serves best-effort subscriptions as well.
+        Durability::Volatile => Qos::reliable(depth.max(DEPTH)),
     }
 }
 
@@ -238,7 +238,7 @@ struct Player<'a> {
     pace: Pace,
     next_tick: Instant,
     sent: u64,
-    /// When the present second began, messages sent in the one before, and in it.
+    /// When the present second began, and how long, ms, what was sent in the one before, and in it, may take to arrive.
     recent: (Instant, u64, u64),
     lost: u64,
 }
@@ -337,15 +337,15 @@ impl Player<'_> {
         }
     }
 
-    fn count_recent(&mut self) {
+    fn count_recent(&mut self, bytes: usize) {
         let (began, before, now) = &mut self.recent;
         if began.elapsed() >= Duration::from_secs(1) {
             (*began, *before, *now) = (Instant::now(), *now, 0);
         }
-        *now += 1;
+        *now += 1 + bytes as u64 / BYTES_PER_MS;
     }
 
-    /// What a slow reliable subscriber needs for what was sent last: half a second, and a millisecond a message.
+    /// What a slow reliable subscriber needs for what was sent last: half a second, and a millisecond a message and 20 kB.
     fn time_to_arrive(&self) -> Duration {
         let (_, before, now) = self.recent;
         Duration::from_millis(500 + (before + now).min(10_000))
@@ -358,7 +358,7 @@ impl Player<'_> {
             match publisher.publish(&message.data) {
                 Ok(()) => {
                     self.sent += 1;
-                    self.count_recent();
+                    self.count_recent(message.data.len());
                     return Ok(());
                 }
                 Err(PublishError::Full { .. }) if self.wait_for_slow && Instant::now() < patience => {

@@ -1,0 +1,139 @@
+"""Subscriptions of rclpy's default quality of service (reliable, volatile, depth 10) to everything that the nodes say: they hear it,
+and neither their coming and going nor one that has stalled stops anybody."""
+
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+
+import pytest
+from conftest import DOMAIN, ROOT, wait_until
+from test_walk import Robot
+
+JOINS = 20
+STALLED_S = 15
+
+# A process of its own, as `ros2 topic echo` is one: subscribes to all topics by their announced types, and prints for each when it was
+# discovered, when the subscription was made and when the first message came.
+SUBSCRIBER = """
+import importlib, json, sys, time
+import rclpy
+names, seconds, stay = sys.argv[1].split(","), float(sys.argv[2]), len(sys.argv) > 3
+rclpy.init()
+node = rclpy.create_node("joining")
+seen, first, count = {}, {}, {}
+def heard(name):
+    def hear(message):
+        first.setdefault(name, time.monotonic())
+        count[name] = count.get(name, 0) + 1
+    return hear
+begun = time.monotonic()
+def over():
+    return not stay and (time.monotonic() > begun + seconds or len(first) == len(names))
+while not over():
+    if len(seen) < len(names):
+        known = dict(node.get_topic_names_and_types())
+        for name in names:
+            if name not in seen and name in known and node.count_publishers(name):
+                package, _, kind = known[name][0].split("/")
+                node.create_subscription(getattr(importlib.import_module(package + ".msg"), kind), name, heard(name), 10)
+                seen[name] = time.monotonic()
+        if stay and len(seen) == len(names):
+            print("ready", flush=True)
+    rclpy.spin_once(node, timeout_sec=0.01)
+late = {name: first[name] - at if name in first else None for name, at in seen.items()}
+print(json.dumps({"missing": [name for name in names if name not in seen], "late_s": late, "count": count}), flush=True)
+"""
+# Without /tf: tf2_msgs is in no wheel. It is offered as the others are.
+STATES = ["joint_states", "joint_command", "controller_state", "odom", "imu", "real_time_factor", "diagnostics", "clock"]
+FEET = [f"ground_force/{leg}" for leg in ("front_left", "rear_left", "front_right", "rear_right")]
+# Longest time between two messages, s of the wall clock: what comes with a step, and what comes once a second.
+PERIOD_S = {"diagnostics": 1.0, "real_time_factor": 1.0}
+
+
+def subscriber(*arguments):
+    command = [sys.executable, "-c", SUBSCRIBER, *map(str, arguments)]
+    environment = {**os.environ, "ROS_DOMAIN_ID": str(DOMAIN)}
+    return subprocess.Popen(command, stdout=subprocess.PIPE, text=True, cwd=ROOT, env=environment)
+
+
+def topics(namespace):
+    absolute = {"diagnostics": "/diagnostics", "clock": f"{namespace}/clock"}
+    return {absolute.get(name, f"{namespace}/{name}"): PERIOD_S.get(name, 0.1) for name in STATES + FEET}
+
+
+def arm(robot):
+    robot.pause(False)
+    robot.wait(lambda: robot.time() > 1, 30, "simulated time")
+
+
+def test_default_subscriptions_come_and_go_in_lockstep(processes, ros):
+    robot = Robot(processes, ros, "/joined", planner=False)
+    try:
+        arm(robot)
+        # Longer than the middleware's former window of 8,192 samples: a reader that joins then has acknowledged nothing of it.
+        robot.wait(lambda: robot.time() > 9, 60, "9 s of simulated time")
+        names = topics("/joined")
+        latest = dict.fromkeys(names, 0.0)
+        for join in range(JOINS):
+            before = robot.time()
+            process = subscriber(",".join(names), 20)
+            said = json.loads(process.communicate(timeout=60)[0])
+            robot.check()
+            assert not said["missing"], f"join {join}: {said}"
+            for name, late in said["late_s"].items():
+                assert late is not None, f"join {join}: nothing on {name}: {said}"
+                latest[name] = max(latest[name], late)
+            assert robot.time() > before, f"join {join}: the simulation stands at {before} s"
+        print(f"{JOINS} joins; latest first message after discovery, s: { {name: round(late, 3) for name, late in latest.items()} }")
+        assert all(late < 1 + names[name] for name, late in latest.items()), latest
+    finally:
+        robot.close()
+
+
+@pytest.mark.parametrize("mode", ["realtime", "lockstep"])
+def test_a_stalled_reliable_subscriber_stops_nobody(processes, ros, mode):
+    robot = Robot(processes, ros, f"/stalled_{mode}", planner=False, mode=mode)
+    process = None
+    try:
+        arm(robot)
+        process = subscriber(",".join(topics(robot.namespace)), 0, "stay")
+        assert process.stdout.readline() == "ready\n"
+        time.sleep(1)
+        process.send_signal(signal.SIGSTOP)
+        began, from_s, heard = time.monotonic(), robot.time(), len(robot.odometry)
+        longest, last = 0.0, (began, from_s)
+        while time.monotonic() < began + STALLED_S:
+            robot.check()
+            now = (time.monotonic(), robot.time())
+            if now[1] > last[1]:
+                longest, last = max(longest, now[0] - last[0]), now
+            time.sleep(0.01)
+        walked = robot.time() - from_s
+        print(f"{mode}: {walked:.1f} s simulated in {STALLED_S} s, {len(robot.odometry) - heard} odometry, longest standstill {longest:.3f} s")
+        assert walked > 0.3 * STALLED_S and longest < 2
+        # Once it goes on, the simulation does as well, and it is heard out.
+        process.send_signal(signal.SIGCONT)
+        before = robot.time()
+        robot.wait(lambda: robot.time() > before + 1, 30, "simulated time after the stalled one goes on")
+    finally:
+        if process is not None:
+            process.kill()
+            process.wait()
+        robot.close()
+
+
+@pytest.mark.parametrize("mode", ["realtime", "lockstep"])
+def test_a_paused_simulation_tells_the_standing_time(processes, ros, mode):
+    from rosgraph_msgs.msg import Clock
+
+    robot = Robot(processes, ros, f"/paused_{mode}", planner=False, mode=mode)
+    try:
+        clocks = []
+        robot.client.node.create_subscription(Clock, f"{robot.namespace}/clock", lambda message: clocks.append(message.clock), 10)
+        robot.wait(lambda: len(clocks) > 5, 30, "the clock of a paused simulation")
+        assert len({(clock.sec, clock.nanosec) for clock in clocks}) == 1, "time stands still"
+    finally:
+        robot.close()
