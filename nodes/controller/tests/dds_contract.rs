@@ -38,7 +38,7 @@ impl Bench {
         let (commands_in, commands) = RingBuffer::new(DEPTH);
         let qos = Qos::reliable(10);
         listen(&controller, names.clone(), states_in, Some(std::thread::current()), qos).unwrap();
-        let speaker = Speaker::new(&controller, names.clone(), commands, true, qos).unwrap();
+        let speaker = Speaker::new(&controller, names.clone(), commands, true).unwrap();
         let bus = DdsBus::new(states, commands_in, None, CycleClock::JointStates, GAP);
         let (sender, receiver) = channel();
         robot
