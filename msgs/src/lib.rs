@@ -26,6 +26,7 @@ pub mod sensor_msgs;
 pub mod std_msgs;
 pub mod std_srvs;
 pub mod tandem_msgs;
+pub mod text;
 pub mod tf2_msgs;
 pub mod unique_identifier_msgs;
 pub mod visualization_msgs;

@@ -12,6 +12,9 @@ pub const FILE_VERSION: u64 = 1;
 /// Version of a file with a second step of its own.
 pub const FILE_VERSION_TWO_STEPS: u64 = 2;
 
+/// A longer text is refused before it is read. A gait of version 2 is about 30 kB.
+pub const MAX_FILE_BYTES: usize = 1 << 20;
+
 /// Read before everything else, so that a file of another version is named as such and not as a missing field.
 #[derive(Deserialize)]
 struct Header {
@@ -57,6 +60,9 @@ fn version_of(second_step: Option<&SecondStep>) -> u64 {
 impl Gait {
     /// Reads a gait file's text and checks every value.
     pub fn from_json(text: &str) -> Result<Self, GaitError> {
+        if text.len() > MAX_FILE_BYTES {
+            return Err(GaitError::Size { found: text.len() });
+        }
         let header: Header = serde_json::from_str(text)?;
         if header.format != FILE_FORMAT {
             return Err(GaitError::Format { found: header.format });
@@ -134,6 +140,7 @@ impl Gait {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::MAX_NAME_CHARS;
     use crate::StepSide;
 
     /// A standing "gait": every joint stays where it is.
@@ -181,6 +188,26 @@ mod tests {
         let again = Gait::from_json(&text).unwrap();
         assert_eq!(again, gait);
         assert_eq!(again.to_json(), text);
+    }
+
+    #[test]
+    fn a_text_of_20_mb_is_refused_by_its_size_and_not_read() {
+        // What is not JSON at all shows that nobody looked.
+        let e = Gait::from_json(&"{".repeat(20 << 20)).unwrap_err();
+        assert!(matches!(e, GaitError::Size { found } if found == 20 << 20), "{e}");
+        let padded = standing().to_json();
+        let padded = padded.clone() + &" ".repeat(MAX_FILE_BYTES - padded.len());
+        assert_eq!(Gait::from_json(&padded).unwrap(), standing());
+    }
+
+    #[test]
+    fn a_name_of_control_characters_or_without_end_is_refused() {
+        for name in ["trot\n[INFO] armed", "\u{1b}[2J", &"x".repeat(MAX_NAME_CHARS + 1)] {
+            let mut gait = standing();
+            gait.name = name.to_owned();
+            let e = gait.validate().unwrap_err().to_string();
+            assert!(e.contains("control character"), "{e}");
+        }
     }
 
     #[test]

@@ -16,7 +16,7 @@ pub mod bezier;
 mod file;
 
 pub use bezier::Coefficients;
-pub use file::{FILE_FORMAT, FILE_VERSION, FILE_VERSION_TWO_STEPS};
+pub use file::{FILE_FORMAT, FILE_VERSION, FILE_VERSION_TWO_STEPS, MAX_FILE_BYTES};
 
 /// Legs of a quadruped.
 pub const LEGS: usize = 4;
@@ -120,6 +120,9 @@ pub struct SecondStep {
     pub reference_coefficients_rad: [Coefficients; JOINTS],
 }
 
+/// Longest name of a gait or its robot, in characters.
+pub const MAX_NAME_CHARS: usize = 128;
+
 /// A gait that has passed every check of [`Gait::from_json`] or [`Gait::validate`].
 #[derive(Clone, Debug, PartialEq)]
 pub struct Gait {
@@ -162,6 +165,12 @@ pub enum GaitError {
     /// The text is not JSON, or lacks a field, or has one too many.
     #[error("gait file: not readable: {0}. Is it whole? Plan it again with `tandem plan`")]
     Syntax(String),
+    /// Longer than any gait.
+    #[error("gait file: {found} bytes long, at most {MAX_FILE_BYTES} are read: this is not a gait file")]
+    Size {
+        /// Its length.
+        found: usize,
+    },
     /// Another kind of file.
     #[error("gait file: format is \"{found}\", expected \"{FILE_FORMAT}\": this is not a gait file")]
     Format {
@@ -287,6 +296,11 @@ impl Gait {
             Some(i) => Err(self.refuse(format!("{field}[{i}]"), format!("is {}, expected a finite number", values[i]))),
             None => Ok(()),
         };
+        for (field, text) in [("name", &self.name), ("robot", &self.robot)] {
+            if text.chars().count() > MAX_NAME_CHARS || text.contains(char::is_control) {
+                return Err(self.refuse(field, format!("is {} bytes long, expected at most {MAX_NAME_CHARS} characters, none of them a control character", text.len())));
+            }
+        }
         let t = self.step_duration_s;
         if !(0.02..=10.0).contains(&t) {
             return Err(self.refuse("step_duration_s", format!("is {t}, expected 0.02 to 10 s")));

@@ -6,14 +6,18 @@ use std::sync::mpsc::{Receiver, SyncSender, sync_channel};
 
 use tandem_msgs::builtin_interfaces::Time;
 use tandem_msgs::rcl_interfaces::Log;
+use tandem_msgs::text::printable;
 use tracing::field::{Field, Visit};
 use tracing::{Event, Level, Subscriber};
+use tracing_subscriber::fmt::format::debug_fn;
 use tracing_subscriber::layer::{Context, SubscriberExt};
 use tracing_subscriber::util::SubscriberInitExt;
 use tracing_subscriber::{EnvFilter, Layer};
 
 use crate::Arguments;
 
+/// Longest line, in characters.
+const LINE_CHARS: usize = 4000;
 /// Lines that wait for the publisher. When it is full further lines reach standard error only: logging never waits.
 const WAITING_LINES: usize = 1024;
 
@@ -36,13 +40,30 @@ pub(crate) fn start(arguments: &Arguments, node: &str) -> Option<Receiver<Log>> 
     let filter = EnvFilter::try_new(&directives).unwrap_or_else(|_| EnvFilter::new("info"));
     let (sender, receiver) = sync_channel(WAITING_LINES);
     let first = arguments.rosout && ROSOUT.set(sender).is_ok();
-    let lines = tracing_subscriber::fmt::layer()
-        .with_writer(std::io::stderr)
-        .with_ansi(std::io::IsTerminal::is_terminal(&std::io::stderr()))
-        .with_target(false);
+    let lines = screen_layer(std::io::stderr, std::io::IsTerminal::is_terminal(&std::io::stderr()));
     // Fails where the program has installed its own subscriber, which is its right.
     let _ = tracing_subscriber::registry().with(filter).with(lines).with(RosoutLayer).try_init();
     first.then_some(receiver)
+}
+
+fn screen_layer<S, W>(writer: W, colours: bool) -> impl Layer<S>
+where
+    S: Subscriber + for<'a> tracing_subscriber::registry::LookupSpan<'a>,
+    W: for<'a> tracing_subscriber::fmt::MakeWriter<'a> + Send + Sync + 'static,
+{
+    tracing_subscriber::fmt::layer()
+        .fmt_fields(debug_fn(|writer, field, value| write_field(writer, field.name(), value)))
+        .with_writer(writer)
+        .with_ansi(colours)
+        .with_target(false)
+}
+
+/// One event is one line, whatever texts of others are in it: a message with a newline would fake a second line, one
+/// with a terminal sequence would rewrite the first.
+fn write_field(writer: &mut impl std::fmt::Write, name: &str, value: &dyn std::fmt::Debug) -> std::fmt::Result {
+    let text = format!("{value:?}");
+    let text = printable(&text, LINE_CHARS);
+    if name == "message" { write!(writer, "{text}") } else { write!(writer, " {name}={text}") }
 }
 
 struct RosoutLayer;
@@ -86,11 +107,11 @@ struct Text {
 impl Visit for Text {
     fn record_debug(&mut self, field: &Field, value: &dyn std::fmt::Debug) {
         // Writing to a String cannot fail.
-        let _ = if field.name() == "message" {
-            write!(self.message, "{value:?}")
-        } else {
-            write!(self.fields, " {}={value:?}", field.name())
-        };
+        let _ = write_field(
+            if field.name() == "message" { &mut self.message } else { &mut self.fields },
+            field.name(),
+            value,
+        );
     }
 }
 
@@ -101,4 +122,47 @@ pub(crate) fn named(mut line: Log, name: &str) -> Log {
         line.stamp = crate::time::wall_time();
     }
     line
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::io::Write;
+    use std::sync::{Arc, Mutex};
+
+    #[derive(Clone, Default)]
+    struct Screen(Arc<Mutex<Vec<u8>>>);
+
+    impl Write for Screen {
+        fn write(&mut self, bytes: &[u8]) -> std::io::Result<usize> {
+            self.0.lock().unwrap().extend_from_slice(bytes);
+            Ok(bytes.len())
+        }
+        fn flush(&mut self) -> std::io::Result<()> {
+            Ok(())
+        }
+    }
+
+    #[test]
+    fn a_name_with_a_newline_fakes_no_line_of_the_log() {
+        let screen = Screen::default();
+        let writer = screen.clone();
+        let subscriber = tracing_subscriber::registry().with(screen_layer(move || writer.clone(), false));
+        tracing::subscriber::with_default(subscriber, || {
+            let name = "trot\n2026-01-01T00:00:00Z  INFO armed\u{1b}[2J\u{202e}";
+            tracing::info!("gait {name} refused");
+            tracing::warn!(name, "a field");
+            tracing::warn!("{}", "x".repeat(1 << 20));
+        });
+        let shown = String::from_utf8(screen.0.lock().unwrap().clone()).unwrap();
+        let lines: Vec<&str> = shown.lines().collect();
+        assert_eq!(lines.len(), 3, "{shown}");
+        assert!(lines[0].contains(r"trot\n2026-01-01T00:00:00Z  INFO armed\u{1b}[2J\u{202e} refused"), "{shown}");
+        assert!(!shown.contains(['\u{1b}', '\u{202e}']) && lines[1].contains("a field name="), "{shown}");
+        assert!(lines[2].chars().count() < LINE_CHARS + 100 && lines[2].ends_with('…'));
+
+        let mut text = Text::default();
+        let _ = write_field(&mut text.message, "message", &format_args!("a\nb\u{7}"));
+        assert_eq!(text.message, r"a\nb\u{7}", "the line on /rosout");
+    }
 }
