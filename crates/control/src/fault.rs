@@ -28,6 +28,8 @@ pub enum Fault {
     DriveError,
     /// A bus to the drives is down.
     BusDown,
+    /// Somebody else commands the same joints.
+    SecondController,
     /// Two control cycles lay further apart than allowed.
     Overrun,
     /// The clock, or the stamp of the joint states, went backwards.
@@ -47,7 +49,7 @@ pub enum Severity {
 
 impl Fault {
     /// Every fault.
-    pub const ALL: [Self; 15] = [
+    pub const ALL: [Self; 16] = [
         Self::InvalidInput,
         Self::PositionOutOfRange,
         Self::VelocityOutOfRange,
@@ -60,6 +62,7 @@ impl Fault {
         Self::DriveHot,
         Self::DriveError,
         Self::BusDown,
+        Self::SecondController,
         Self::Overrun,
         Self::ClockJump,
         Self::InternalError,
@@ -80,6 +83,7 @@ impl Fault {
             Self::DriveHot => "drive_hot",
             Self::DriveError => "drive_error",
             Self::BusDown => "bus_down",
+            Self::SecondController => "second_controller",
             Self::Overrun => "overrun",
             Self::ClockJump => "clock_jump",
             Self::InternalError => "internal_error",
@@ -177,6 +181,7 @@ impl FaultReport {
             Fault::OverTemperature | Fault::DriveHot => ("°C", "let the drive cool down"),
             Fault::DriveError => ("as error code", "look the code up in the drive's manual"),
             Fault::BusDown => ("", "run `tandem doctor`"),
+            Fault::SecondController => ("commands of somebody else", "stop the other controller of this robot"),
             Fault::Overrun => ("s between two cycles", "give the controller real-time rights (docs/hardware.md)"),
             Fault::ClockJump => ("s", "restart the controller after the clock or the simulation"),
             Fault::InternalError => ("", "please report this with the run's bag"),

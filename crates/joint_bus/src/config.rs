@@ -123,8 +123,13 @@ impl BusConfig {
                 format!("has {} entries, expected 1 to {JOINTS}", file.interfaces.len()),
             );
         }
-        if file.host_id > 0x7ff {
-            return refuse("host_id".into(), format!("is {}, expected 0 to 2047", file.host_id));
+        // An identifier of 11 bits; a register frame has 7 for it.
+        let highest = match file.protocol {
+            ProtocolName::Mit => 0x7ff,
+            ProtocolName::Registers => 0x7f,
+        };
+        if file.host_id > highest {
+            return refuse("host_id".into(), format!("is {}, expected 0 to {highest}", file.host_id));
         }
         if file.joints.len() != JOINTS {
             return refuse("joints".into(), format!("has {} entries, expected {JOINTS}", file.joints.len()));

@@ -1,6 +1,6 @@
 //! What the control cycle sees: twelve joints.
 
-use crate::{BusConfig, DriveCommand, DriveRequest, Incoming, Link, LinkError, Protocol};
+use crate::{BusConfig, DriveCommand, DriveRequest, Frame, Incoming, Link, LinkError, Protocol};
 use control::{Fault, FaultReport, JOINTS, JointCommand, JointState};
 use std::time::Duration;
 
@@ -15,6 +15,13 @@ const REENTER_EVERY: u64 = 50;
 const STEADY: Duration = Duration::from_secs(2);
 /// A link that is down for longer than this is a fault; a shorter break is bridged by the drives holding their command.
 const DOWN_FAULT: Duration = Duration::from_millis(5);
+/// A command of somebody else is told of for so long: longer than one lost cycle, short enough that the fault can be cleared
+/// once the other is gone.
+const STRANGER_MEMORY: Duration = Duration::from_millis(500);
+/// Behind the opening of a link its old socket's frames may still leave the queue, and the new socket hears them.
+const OWN_ECHO: Duration = Duration::from_millis(100);
+/// Twice as many replies as requests in so many cycles on end: somebody else asks too. Repeated frames come singly.
+const SURPLUS_CYCLES: u32 = 5;
 
 /// What was read from the joints so far.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -81,6 +88,8 @@ pub struct LinkHealth {
     pub full: u64,
     /// Frames that were no reply of a drive here, or damaged.
     pub foreign: u64,
+    /// Commands to drives here that somebody else sent.
+    pub commands_of_others: u64,
     /// Error frames.
     pub bus_errors: u64,
     /// Times that the link went down or off the bus.
@@ -123,6 +132,13 @@ struct LinkState<L> {
     retry_at: Duration,
     pause: Duration,
     opened_at: Duration,
+    /// Requests since the last reading, and replies in this one.
+    requested: u32,
+    replied: u32,
+    /// Cycles on end with twice as many replies as requests.
+    surplus: u32,
+    /// When somebody else commanded a drive here last, and its joint.
+    stranger: Option<(Duration, usize)>,
     /// Which joint a drive's number belongs to.
     joint_of: [Option<u8>; 128],
 }
@@ -136,6 +152,8 @@ pub struct DriveBus<P, L> {
     entered: [bool; JOINTS],
     /// What each drive reported last.
     errors: [u8; JOINTS],
+    /// Whether the drives were ever on: who never was stays silent beside another master.
+    was_on: bool,
     writes: u64,
 }
 
@@ -163,11 +181,15 @@ impl<P: Protocol, L: Link> DriveBus<P, L> {
                     retry_at: Duration::ZERO,
                     pause: FIRST_PAUSE,
                     opened_at: Duration::ZERO,
+                    requested: 0,
+                    replied: 0,
+                    surplus: 0,
+                    stranger: None,
                     joint_of,
                 }
             })
             .collect();
-        Self { protocol, links, config, entered: [false; JOINTS], errors: [0; JOINTS], writes: 0 }
+        Self { protocol, links, config, entered: [false; JOINTS], errors: [0; JOINTS], was_on: false, writes: 0 }
     }
 
     /// A link, for tests that make it fail.
@@ -192,9 +214,11 @@ impl<P: Protocol, L: Link> DriveBus<P, L> {
         });
         let Some((j, reply)) = reply else {
             state.health.foreign += 1;
+            self.take_foreign(n, frame, now);
             return;
         };
         state.health.received += 1;
+        state.replied += 1;
         let w = &self.config.joints[j];
         readings.position_rad[j] = w.sign * reply.position_rad / w.gear_ratio + w.zero_rad;
         readings.velocity_rad_s[j] = w.sign * reply.velocity_rad_s / w.gear_ratio;
@@ -206,6 +230,36 @@ impl<P: Protocol, L: Link> DriveBus<P, L> {
         readings.drive_error[j] = reply.error.unwrap_or(0);
         self.errors[j] = readings.drive_error[j];
         readings.arrived[j] = Some(at);
+    }
+
+    /// A link does not hear its own frames, so a command to a drive here is somebody else's.
+    fn take_foreign(&mut self, n: usize, frame: &Frame, now: Duration) {
+        let Some(j) = commanded(&self.protocol, &self.config, n, frame) else { return };
+        let state = &mut self.links[n];
+        state.health.commands_of_others += 1;
+        let echo = state.health.reopened > 0 && now.saturating_sub(state.opened_at) < OWN_ECHO;
+        if !echo {
+            state.stranger = Some((now, j));
+        }
+    }
+
+    /// What a link brings before this has sent anything: the joint that somebody else commands.
+    pub fn hear_stranger(&mut self, now: Duration) -> Option<(&str, &str)> {
+        self.read(now, &mut Readings::default());
+        let (n, j) = self.links.iter().enumerate().find_map(|(n, state)| Some((n, state.stranger?.1)))?;
+        Some((&self.config.interfaces[n], &self.config.joints[j].name))
+    }
+
+    fn stranger(&self, now: Duration) -> Option<FaultReport> {
+        self.links.iter().find_map(|state| {
+            let (_, j) = state.stranger.filter(|(at, _)| now.saturating_sub(*at) < STRANGER_MEMORY)?;
+            Some(FaultReport {
+                fault: Fault::SecondController,
+                joint: Some(j),
+                value: state.health.commands_of_others as f64,
+                limit: 0.0,
+            })
+        })
     }
 
     fn request(&self, j: usize, command: &JointCommand, drives_on: bool) -> DriveRequest {
@@ -228,6 +282,24 @@ impl<P: Protocol, L: Link> DriveBus<P, L> {
             kd: command.kd[j] / (gear * gear),
             torque_nm: w.sign * command.torque_nm[j] / gear,
         })
+    }
+}
+
+/// The joint whose drive a frame commands.
+fn commanded(protocol: &impl Protocol, config: &BusConfig, n: usize, frame: &Frame) -> Option<usize> {
+    config
+        .joints
+        .iter()
+        .position(|joint| joint.interface == n && protocol.decode_request(joint.id, &joint.ranges, frame).is_some())
+}
+
+/// Counts the cycles on end with a surplus of replies. Only somebody else's requests bring one for long.
+fn weigh_replies<L>(state: &mut LinkState<L>, first_joint: usize, now: Duration) {
+    let (requested, replied) = (std::mem::take(&mut state.requested), std::mem::take(&mut state.replied));
+    let doubled = requested > 0 && replied >= 2 * requested;
+    state.surplus = if doubled { state.surplus + 1 } else { 0 };
+    if state.surplus >= SURPLUS_CYCLES {
+        state.stranger = Some((now, first_joint));
     }
 }
 
@@ -273,11 +345,18 @@ impl<P: Protocol, L: Link> JointBus for DriveBus<P, L> {
                     }
                 }
             }
+            let first_joint = self.config.joints.iter().position(|joint| joint.interface == n).unwrap_or_default();
+            weigh_replies(&mut self.links[n], first_joint, now);
         }
     }
 
     fn write(&mut self, command: &JointCommand, drives_on: bool, now: Duration) {
         self.writes += 1;
+        self.was_on |= drives_on;
+        if !self.was_on && self.stranger(now).is_some() {
+            // Even a question is a command to some drives: the other's robot may be walking.
+            return;
+        }
         for j in 0..JOINTS {
             let w = &self.config.joints[j];
             let (n, id, ranges) = (w.interface, w.id, w.ranges);
@@ -293,6 +372,7 @@ impl<P: Protocol, L: Link> JointBus for DriveBus<P, L> {
             match state.link.send(&frame, now) {
                 Ok(()) => {
                     state.health.sent += 1;
+                    state.requested += 1;
                     match request {
                         DriveRequest::Enter => self.entered[j] = true,
                         DriveRequest::Exit => self.entered[j] = false,
@@ -306,6 +386,9 @@ impl<P: Protocol, L: Link> JointBus for DriveBus<P, L> {
     }
 
     fn fault(&self, now: Duration) -> Option<FaultReport> {
+        if let Some(report) = self.stranger(now) {
+            return Some(report);
+        }
         let (n, down) = self.links.iter().enumerate().find_map(|(n, state)| {
             let down = now.saturating_sub(state.health.down_since?);
             (down > DOWN_FAULT).then_some((n, down))

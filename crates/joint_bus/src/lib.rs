@@ -29,6 +29,8 @@ pub use registers::Registers;
 #[cfg(feature = "std")]
 pub mod can;
 #[cfg(feature = "std")]
+mod can_lock;
+#[cfg(feature = "std")]
 mod config;
 #[cfg(feature = "std")]
 mod contract;
@@ -40,7 +42,11 @@ mod faulty;
 mod link;
 #[cfg(feature = "std")]
 pub mod memory;
+#[cfg(feature = "std")]
+mod speech;
 
+#[cfg(feature = "std")]
+pub use can_lock::{CanLock, CanLockError};
 #[cfg(feature = "std")]
 pub use config::{BusConfig, BusConfigError, JointWiring, ProtocolName};
 #[cfg(feature = "std")]
@@ -51,3 +57,5 @@ pub use drive_bus::{BusHealth, DriveBus, JointBus, LinkHealth, Readings};
 pub use faulty::{Faults, Faulty};
 #[cfg(feature = "std")]
 pub use link::{Incoming, Link, LinkError};
+#[cfg(feature = "std")]
+pub use speech::Speech;

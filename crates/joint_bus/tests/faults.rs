@@ -233,6 +233,81 @@ fn frames_late_by_one_to_ten_milliseconds_are_walked_on() {
     }
 }
 
+/// A second controller on the bus: its commands are heard, and the replies to them.
+#[test]
+fn a_second_controller_on_the_bus_is_a_fault_within_five_cycles() {
+    let mut slowest = 0;
+    for link in 0..4 {
+        for request in [DriveRequest::Exit, DriveRequest::Enter, DriveRequest::Command(DriveCommand::default())] {
+            let mut robot = Robot::walking();
+            let ranges = robot.bench.config.joints[3 * link].ranges;
+            let frame = Mit::default().encode_request(1, &ranges, &request).unwrap();
+            robot.bench.far[link].send(&frame, robot.now).unwrap();
+            let (cycles, output) = robot.until_safe(5);
+            assert!(output.faults.contains(Fault::SecondController), "{:?}", output.report);
+            assert_eq!(output.report.unwrap().joint, Some(3 * link));
+            slowest = slowest.max(cycles);
+        }
+    }
+    walk::measured("a_second_controller_on_the_bus_is_a_fault_within_five_cycles", slowest);
+}
+
+#[test]
+fn an_interface_has_one_master_and_the_second_is_told_which() {
+    let interface = format!("can-test-{}", std::process::id());
+    let lock = CanLock::take(&interface).unwrap();
+    let error = CanLock::take(&interface).unwrap_err().to_string();
+    let holder = format!("{interface} has a master already, process {}", std::process::id());
+    assert!(error.contains(&holder), "{error}");
+    let other = CanLock::take(&format!("{interface}x")).expect("another interface is free");
+    drop((lock, other));
+    CanLock::take(&interface).expect("free again");
+}
+
+#[test]
+fn a_bus_is_listened_to_before_the_first_frame() {
+    let mut robot = Robot::new();
+    assert_eq!(robot.bench.bus.hear_stranger(robot.now), None);
+    let ranges = robot.bench.config.joints[4].ranges;
+    let reply = Mit::default().encode_reply(2, &ranges, &DriveReply::default());
+    robot.bench.far[1].send(&reply, robot.now).unwrap();
+    assert_eq!(robot.bench.bus.hear_stranger(robot.now), None, "a reply is no command");
+    let frame = Mit::default().encode_request(2, &ranges, &DriveRequest::Exit).unwrap();
+    robot.bench.far[1].send(&frame, robot.now).unwrap();
+    assert_eq!(robot.bench.bus.hear_stranger(robot.now), Some(("can1", "rear_left_hip_pitch")));
+    assert!(robot.bench.bus().health().links.iter().all(|link| link.sent == 0));
+}
+
+/// Where its commands are not heard, the surplus of replies is.
+#[test]
+fn twice_as_many_replies_as_requests_are_a_fault_within_five_cycles() {
+    let mut robot = Robot::walking();
+    robot.bench.faults(2).duplicate = 1.0;
+    let (cycles, output) = robot.until_safe(6);
+    assert!(cycles <= 5, "{cycles}");
+    walk::measured("twice_as_many_replies_as_requests_are_a_fault_within_five_cycles", cycles);
+    assert!(output.faults.contains(Fault::SecondController), "{:?}", output.report);
+}
+
+#[test]
+fn a_disarmed_controller_is_silent_beside_another_master_and_speaks_when_it_is_gone() {
+    let mut robot = Robot::new();
+    let sent = |robot: &mut Robot| robot.bench.bus().health().links.iter().map(|link| link.sent).sum::<u64>();
+    let ranges = robot.bench.config.joints[0].ranges;
+    let frame = Mit::default().encode_request(1, &ranges, &DriveRequest::Exit).unwrap();
+    for _ in 0..1000 {
+        robot.bench.far[0].send(&frame, robot.now).unwrap();
+        let output = robot.cycle(&[]);
+        assert!(output.faults.contains(Fault::SecondController));
+    }
+    assert_eq!(sent(&mut robot), 0, "frames beside another master");
+    assert!(robot.cycle(&[Request::Arm]).replies[0].unwrap().is_err());
+    for _ in 0..600 {
+        robot.cycle(&[]);
+    }
+    assert!(sent(&mut robot) > 0, "the other is gone");
+}
+
 /// A CAN chip drops frames with a wrong checksum; here they come through, as from a drive whose firmware errs.
 #[test]
 fn corrupted_frames_end_in_a_fault_and_never_in_a_wild_command() {

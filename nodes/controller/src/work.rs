@@ -10,7 +10,7 @@ use crate::tape::{self, Recording, Subject};
 use anyhow::Context as _;
 use control::{Controller, Mode};
 use joint_bus::can::CanLink;
-use joint_bus::{BusConfig, DriveBus, Mit, ProtocolName, Registers};
+use joint_bus::{BusConfig, CanLock, DriveBus, Speech};
 use realtime::{Warning, monotonic_now};
 use robot::Robot;
 use ros::{Managed, Node, Qos};
@@ -27,29 +27,41 @@ const STOPPING_PATIENCE: Duration = Duration::from_secs(3);
 /// How long it then waits to see the robot damped. In lockstep time may stand still.
 const DAMPING_PATIENCE: Duration = Duration::from_millis(300);
 
-/// The drives' bus, by what they speak.
-enum Bus {
-    Mit(DriveBus<Mit, CanLink>),
-    Registers(DriveBus<Registers, CanLink>),
+/// How long a bus is listened to before the first frame: ten periods of the slowest controller.
+const LISTEN_FIRST: Duration = Duration::from_millis(200);
+
+/// The robot's drives, and that this process is their master.
+struct Drives {
+    bus: DriveBus<Speech, CanLink>,
+    locks: Vec<CanLock>,
 }
 
-fn open_bus(file: &Path, robot: &Robot, config: &control::Config) -> anyhow::Result<Bus> {
+fn open_bus(file: &Path, robot: &Robot, config: &control::Config) -> anyhow::Result<Drives> {
     let file = ros::find(file)?;
     let text = std::fs::read_to_string(&file).with_context(|| format!("{}", file.display()))?;
     let bus = BusConfig::from_toml_str(&text, &robot.name, &config.joint_names)
         .and_then(|bus| bus.check_ranges(config).map(|()| bus))
         .with_context(|| format!("{}", file.display()))?;
+    let locks = bus.interfaces.iter().map(|name| CanLock::take(name)).collect::<Result<Vec<_>, _>>()?;
     let links = bus.interfaces.iter().map(|name| CanLink::open(name)).collect::<Result<Vec<_>, _>>()?;
-    Ok(match bus.protocol {
-        ProtocolName::Mit => {
-            let protocol = Mit { host_id: bus.host_id, ..Mit::default() };
-            Bus::Mit(DriveBus::new(bus, protocol, links))
+    let protocol = Speech::of(&bus);
+    let mut bus = DriveBus::new(bus, protocol, links);
+    listen_first(&mut bus)?;
+    Ok(Drives { bus, locks })
+}
+
+/// Another host's controller holds no lock here: it is heard before anything is said.
+fn listen_first(bus: &mut DriveBus<Speech, CanLink>) -> anyhow::Result<()> {
+    let until = monotonic_now() + LISTEN_FIRST;
+    while monotonic_now() < until {
+        if let Some((interface, joint)) = bus.hear_stranger(monotonic_now()) {
+            anyhow::bail!(
+                "second_controller: somebody else commands the drive of {joint} on {interface}: stop that controller first"
+            );
         }
-        ProtocolName::Registers => {
-            let protocol = Registers { host_id: bus.host_id as u8 };
-            Bus::Registers(DriveBus::new(bus, protocol, links))
-        }
-    })
+        std::thread::sleep(Duration::from_millis(5));
+    }
+    Ok(())
 }
 
 /// What runs while the node is configured.
@@ -102,8 +114,8 @@ impl Work {
         let robot = Robot::load(&ros::find(&parameters.robot_folder)?)?;
         let config = parameters.control(&robot);
         let controller = Controller::new(config.clone())?;
-        let bus = parameters.bus_file.as_deref().map(|file| open_bus(file, &robot, &config)).transpose()?;
-        let on_bus = bus.is_some();
+        let drives = parameters.bus_file.as_deref().map(|file| open_bus(file, &robot, &config)).transpose()?;
+        let on_bus = drives.is_some();
         let lockstep = parameters.pace == Pace::Lockstep;
         // Nothing may be lost between two processes that wait for each other; else only the newest counts, and nobody is to send
         // an old one again.
@@ -179,9 +191,11 @@ impl Work {
         let control = std::thread::Builder::new().name("control".into()).spawn(move || {
             // The receiver waits for it; the channel has room.
             let warn = move |list: Vec<Warning>| warnings_in.send(list).unwrap_or_default();
-            match (bus, pace) {
-                (Some(Bus::Mit(bus)), _) => cycle.run_realtime(bus, period, realtime, warn),
-                (Some(Bus::Registers(bus)), _) => cycle.run_realtime(bus, period, realtime, warn),
+            match (drives, pace) {
+                (Some(Drives { bus, locks }), _) => {
+                    cycle.run_realtime(bus, period, realtime, warn);
+                    drop(locks);
+                }
                 (None, Pace::Realtime) => cycle.run_realtime(topics, period, realtime, warn),
                 (None, Pace::Lockstep) => {
                     warn(Vec::new());
