@@ -28,14 +28,14 @@ pub enum Fault {
     DriveError,
     /// A bus to the drives is down.
     BusDown,
-    /// Somebody else commands the same joints.
-    SecondController,
     /// Two control cycles lay further apart than allowed.
     Overrun,
     /// The clock, or the stamp of the joint states, went backwards.
     ClockJump,
     /// The controller computed a number that is not finite. It was not sent.
     InternalError,
+    /// Another program commands the same robot.
+    SecondController,
 }
 
 /// What a fault does to a moving robot.
@@ -62,10 +62,10 @@ impl Fault {
         Self::DriveHot,
         Self::DriveError,
         Self::BusDown,
-        Self::SecondController,
         Self::Overrun,
         Self::ClockJump,
         Self::InternalError,
+        Self::SecondController,
     ];
 
     /// The name by which it is shown and cleared.
@@ -87,6 +87,7 @@ impl Fault {
             Self::Overrun => "overrun",
             Self::ClockJump => "clock_jump",
             Self::InternalError => "internal_error",
+            Self::SecondController => "second_controller",
         }
     }
 
@@ -185,6 +186,7 @@ impl FaultReport {
             Fault::Overrun => ("s between two cycles", "give the controller real-time rights (docs/hardware.md)"),
             Fault::ClockJump => ("s", "restart the controller after the clock or the simulation"),
             Fault::InternalError => ("", "please report this with the run's bag"),
+            Fault::SecondController => ("other sources of commands", "stop the other program that commands this robot"),
         };
         format!(
             "fault {}{place}: saw {:.4} {unit}, allowed {:.4}; {action}, then clear it by its name",

@@ -3,7 +3,8 @@
 use crate::dds_bus::DdsBus;
 use crate::tape::Tape;
 use control::{
-    Controller, FaultReport, GaitName, Input, JOINTS, JointState, MAX_REQUESTS, Output, PreparedGait, Request, Tilt,
+    Controller, Fault, FaultReport, GaitName, Input, JOINTS, JointState, MAX_REQUESTS, Output, PreparedGait, Request,
+    Tilt,
 };
 use joint_bus::{BusHealth, JointBus, Readings};
 use realtime::{Histogram, Periodic, RealtimeRequest, Warning, monotonic_now};
@@ -130,6 +131,8 @@ pub struct Cycle {
     pub gaits: Consumer<(u64, PreparedGait)>,
     /// The emergency stop.
     pub emergency_stop: Arc<EmergencyStop>,
+    /// Whether another program commands the robot over topics.
+    pub second_controller: Arc<AtomicBool>,
     /// The end of the program.
     pub stop: Arc<AtomicBool>,
     /// Outputs out.
@@ -174,7 +177,7 @@ impl Cycle {
             requests: &requests[..count],
             gait: gait.as_ref(),
             emergency_stop: stop || self.emergency_stop.is_pressed(wall),
-            fault: measured.fault,
+            fault: measured.fault.or_else(|| self.second_controller()),
         };
         self.tape.begin_cycle(&self.controller);
         let output = self.controller.step(&input, now);
@@ -191,6 +194,15 @@ impl Cycle {
             bus: timing.and(measured.bus),
         });
         output
+    }
+
+    fn second_controller(&self) -> Option<FaultReport> {
+        self.second_controller.load(Ordering::Acquire).then_some(FaultReport {
+            fault: Fault::SecondController,
+            joint: None,
+            value: 1.0,
+            limit: 0.0,
+        })
     }
 
     /// A full buffer means that the press has stalled; what it misses are outputs that are too old already.

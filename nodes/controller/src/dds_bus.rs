@@ -1,6 +1,7 @@
 //! The joints behind topics: `joint_states` in, `joint_command` out, as a [`JointBus`] for the control cycle. The cycle's side
 //! takes no lock and allocates nothing; two wait-free buffers join it to the middleware's threads, [`listen`] and [`Speaker`].
 
+use crate::inputs::{InputProblems, StateWatch, Topic};
 use crate::ports;
 use crate::press::OFFERED;
 use control::{FaultReport, JOINTS, JointCommand};
@@ -8,9 +9,12 @@ use joint_bus::{BusHealth, JointBus, LinkHealth, Readings};
 use realtime::monotonic_now;
 use ros::{Node, PublishError, Publisher, Qos, RosError};
 use rtrb::{Consumer, Producer};
+use std::sync::Arc;
 use std::thread::Thread;
 use std::time::Duration;
 
+/// The topic of the commands.
+pub const COMMANDS: &str = "joint_command";
 /// Messages that wait, each way.
 pub const DEPTH: usize = 256;
 /// A command for a state that was answered before is sent again only so often: its receiver has it, unless it was lost.
@@ -62,6 +66,8 @@ pub struct DdsBus {
     clock: CycleClock,
     patience: Duration,
     held: Readings,
+    /// Stamp of each joint's last value: joints may come in several messages.
+    stamps: [Option<Duration>; JOINTS],
     /// Stamp of the newest message and when it, or the last repetition of it, came in.
     newest: Option<(Duration, Duration)>,
     now: Duration,
@@ -87,6 +93,7 @@ impl DdsBus {
             clock,
             patience,
             held: Readings::default(),
+            stamps: [None; JOINTS],
             newest: None,
             now: Duration::ZERO,
             last: None,
@@ -115,35 +122,41 @@ impl DdsBus {
 
     fn take(&mut self, message: &StateMessage) {
         self.health.received += 1;
-        match &mut self.newest {
+        let mut named = (0..JOINTS).filter(|j| message.named[*j]);
+        if named.clone().all(|j| self.stamps[j] == Some(message.stamp)) {
             // Time stands still where the states come from, and the source lives. On the machine's own clock it does not stand
             // still, and a source that repeats itself is a dead one.
-            Some((stamp, wall)) if *stamp == message.stamp => {
-                if self.clock == CycleClock::JointStates {
-                    *wall = message.wall;
-                }
-                return;
+            if let Some((stamp, wall)) = &mut self.newest
+                && *stamp == message.stamp
+                && self.clock == CycleClock::JointStates
+            {
+                *wall = message.wall;
             }
-            newest => {
-                if newest.is_some_and(|(stamp, _)| message.stamp < stamp) {
-                    // The simulation began anew; the controller has a fault for it if it is armed.
-                    self.now = Duration::ZERO;
-                }
-                *newest = Some((message.stamp, message.wall));
-            }
+            return;
+        }
+        if named.any(|j| self.stamps[j].is_some_and(|stamp| message.stamp < stamp)) {
+            // The simulation began anew; the controller has a fault for it if it is armed.
+            self.now = Duration::ZERO;
+            self.stamps = [None; JOINTS];
+            self.newest = None;
+        }
+        if self.newest.is_none_or(|(stamp, _)| message.stamp > stamp) {
+            self.newest = Some((message.stamp, message.wall));
         }
         let arrived = match self.clock {
             CycleClock::JointStates => message.stamp,
             CycleClock::Monotonic => message.wall,
         };
-        self.held.stamp = Some(message.stamp);
         self.held.torque_told = message.torque_nm.is_some();
         for j in (0..JOINTS).filter(|j| message.named[*j]) {
             self.held.position_rad[j] = message.position_rad[j];
             self.held.velocity_rad_s[j] = message.velocity_rad_s[j];
             self.held.torque_nm[j] = message.torque_nm.map_or(0.0, |t| t[j]);
             self.held.arrived[j] = Some(arrived);
+            self.stamps[j] = Some(message.stamp);
         }
+        // A state is as old as its oldest part: with parts of one time, new once all of them are there.
+        self.held.stamp = self.stamps.iter().flatten().min().copied();
     }
 
     /// A full buffer means that the speaker has stalled; the receiver's own patience then ends in damping.
@@ -207,7 +220,8 @@ impl JointBus for DdsBus {
     }
 }
 
-/// Fills the bus's buffer from the topic `joint_states`, and wakes `cycle` where it waits for states.
+/// Fills the bus's buffer from the topic `joint_states`, and wakes `cycle` where it waits for states (in lockstep, where a stamp
+/// that stands still is a simulation that waits for an answer).
 ///
 /// # Errors
 /// What the middleware refuses.
@@ -217,23 +231,22 @@ pub fn listen(
     mut states: Producer<StateMessage>,
     cycle: Option<Thread>,
     qos: Qos,
+    problems: Arc<InputProblems>,
 ) -> Result<(), RosError> {
-    let mut wrong = 0_u64;
+    let mut watch = StateWatch::new(cycle.is_some());
     node.subscribe("joint_states", qos, move |message: tandem_msgs::sensor_msgs::JointState| {
-        let (state, problem) = ports::joint_state(&message, &names, monotonic_now());
-        if let Some(problem) = problem {
-            // A wrong publisher at 1 kHz must not fill the log.
-            wrong += 1;
-            if wrong.is_power_of_two() {
-                tracing::warn!("joint_states ({wrong} so far): {problem}");
-            }
+        let wall = monotonic_now();
+        let state = match ports::joint_state(&message, &names, wall) {
+            Ok(state) => state,
+            Err(problem) => return problems.note(Topic::JointStates, problem, wall),
+        };
+        if let Some(problem) = watch.look(&state, &names, &message.name) {
+            problems.note(Topic::JointStates, problem, wall);
         }
-        if let Some(state) = state {
-            // A full buffer: the cycle takes the newest of what is there, or has ended.
-            let _ = states.push(state);
-            if let Some(cycle) = &cycle {
-                cycle.unpark();
-            }
+        // A full buffer: the cycle takes the newest of what is there, or has ended.
+        let _ = states.push(state);
+        if let Some(cycle) = &cycle {
+            cycle.unpark();
         }
     })
 }
@@ -260,7 +273,7 @@ impl Speaker {
         commands: Consumer<CommandMessage>,
         all: bool,
     ) -> Result<Self, RosError> {
-        let publisher = node.publisher("joint_command", OFFERED)?;
+        let publisher = node.publisher(COMMANDS, OFFERED)?;
         Ok(Self { commands, publisher, names, all, last: None, repeats: 0 })
     }
 

@@ -2,6 +2,7 @@
 
 use crate::cycle::{Asked, EmergencyStop, TimedTilt};
 use crate::dds_bus::{self, StateMessage};
+use crate::inputs::{InputProblems, Topic};
 use crate::ports;
 use crate::tape::{self, Recording};
 use control::{Config, Fault, JOINTS, Mode, PreparedGait, Refusal, Request};
@@ -32,6 +33,7 @@ pub struct Desk {
     recording: Arc<Recording>,
     waiting: Mutex<HashMap<u64, Sender<Reply>>>,
     emergency_stop: Arc<EmergencyStop>,
+    problems: Arc<InputProblems>,
     config: Config,
     lockstep: bool,
     /// The controller's mode as last said.
@@ -62,6 +64,7 @@ impl Desk {
         gaits: Producer<(u64, PreparedGait)>,
         recording: Arc<Recording>,
         emergency_stop: Arc<EmergencyStop>,
+        problems: Arc<InputProblems>,
         config: Config,
         lockstep: bool,
     ) -> Self {
@@ -71,6 +74,7 @@ impl Desk {
             recording,
             waiting: Mutex::default(),
             emergency_stop,
+            problems,
             config,
             lockstep,
             mode: Mutex::default(),
@@ -121,6 +125,13 @@ impl Desk {
         if !self.emergency_stop.is_active() && request != Request::Disarm {
             return (false, "the controller is not active: activate it (its service change_state)".into());
         }
+        // What the cycle cannot know, and what it would only call missing.
+        if matches!(request, Request::Arm | Request::Stand | Request::Walk) {
+            let problem = self.problems.current(monotonic_now());
+            if !problem.is_empty() {
+                return (false, format!("refused: {problem}"));
+            }
+        }
         self.put(request)
     }
 
@@ -163,17 +174,31 @@ impl Desk {
     /// Creates the node's subscriptions and services.
     pub fn open(self: &Arc<Self>, node: &Node, mut sensors: Sensors, fast: Qos) -> Result<(), RosError> {
         if let Some(states) = sensors.states.take() {
-            dds_bus::listen(node, sensors.joint_names.clone(), states, sensors.wake.take(), fast)?;
+            dds_bus::listen(
+                node,
+                sensors.joint_names.clone(),
+                states,
+                sensors.wake.take(),
+                fast,
+                Arc::clone(&self.problems),
+            )?;
         }
         let recording = Arc::clone(&self.recording);
         // What the controller takes from it, the tilt, is recorded with every cycle.
         let mut thinning = tape::Thinning::new(2 * tape::THINNED_NS);
+        let problems = Arc::clone(&self.problems);
         node.subscribe("imu", Qos::best_effort(1), move |message: sensor_msgs::Imu| {
             if thinning.takes(message.header.stamp.nanoseconds()) {
                 recording.other(tape::IMU, None, &message);
             }
-            if let Some(tilt) = ports::tilt(&message) {
-                let _ = sensors.tilts.push(TimedTilt { tilt, wall: monotonic_now() });
+            let wall = monotonic_now();
+            let tilt = ports::tilt(&message).unwrap_or_else(|problem| {
+                problems.note(Topic::Imu, problem, wall);
+                Some(ports::NO_TILT)
+            });
+            if let Some(tilt) = tilt {
+                // A full buffer: the cycle takes the newest of what is there, or has ended.
+                let _ = sensors.tilts.push(TimedTilt { tilt, wall });
             }
         })?;
         let desk = Arc::clone(self);

@@ -16,30 +16,34 @@ fn order(found: &[String], names: &[String; JOINTS]) -> [Option<usize>; JOINTS] 
     from
 }
 
-/// The joints of a message that came in at `wall`, in our order; and what is wrong with it. A joint that it lacks is marked so,
-/// and grows stale if no other message has it. Values that are not finite go through: the controller has a fault for them.
+/// The joints of a message that came in at `wall`, in our order. A joint that it lacks is marked so: another message may have it.
+/// Values that are not finite go through: the controller has a fault for them.
+///
+/// # Errors
+/// What is wrong with the message, where it cannot be taken.
 pub fn joint_state(
     message: &sensor_msgs::JointState,
     names: &[String; JOINTS],
     wall: Duration,
-) -> (Option<StateMessage>, Option<String>) {
+) -> Result<StateMessage, String> {
     for (list, length) in [("position", message.position.len()), ("velocity", message.velocity.len())] {
         if length != message.name.len() {
-            let problem =
-                format!("refused: {list} has {length} entries, name has {}: expected as many", message.name.len());
-            return (None, Some(problem));
+            return Err(format!(
+                "refused: {list} has {length} entries, name has {}: expected as many",
+                message.name.len()
+            ));
         }
     }
-    let stamp = match stamp(message.header.stamp) {
-        Ok(stamp) => stamp,
-        Err(problem) => return (None, Some(format!("refused: {problem}"))),
-    };
+    let stamp = stamp(message.header.stamp).map_err(|problem| format!("refused: {problem}"))?;
     let from = order(&message.name, names);
-    let problem = (0..JOINTS)
-        .find(|j| from[*j].is_none())
-        .map(|j| format!("joint \"{}\" is missing; the message has {:?}", names[j], message.name));
+    if from.iter().all(Option::is_none) {
+        return Err(format!(
+            "refused: joint {:?} is missing, and so are all others; the message has {:?}",
+            names[0], message.name
+        ));
+    }
     let pick = |values: &[f64]| from.map(|i| i.and_then(|i| values.get(i)).copied().unwrap_or_default());
-    let state = from.iter().any(Option::is_some).then(|| StateMessage {
+    Ok(StateMessage {
         stamp,
         wall,
         named: from.map(|i| i.is_some()),
@@ -49,8 +53,7 @@ pub fn joint_state(
         torque_nm: (message.effort.len() == message.name.len())
             .then(|| pick(&message.effort))
             .filter(|torque| torque.iter().all(|value| value.is_finite())),
-    });
-    (state, problem)
+    })
 }
 
 fn stamp(time: Time) -> Result<Duration, String> {
@@ -63,16 +66,37 @@ fn time(stamp: Duration) -> Time {
     Time::from_nanoseconds(i64::try_from(stamp.as_nanos()).unwrap_or(i64::MAX))
 }
 
+/// How far a quaternion's length may be from 1 for the rounding of whoever sends it.
+const QUATERNION_TOLERANCE: f64 = 0.02;
+
+/// An attitude that cannot be: the controller has a fault for it.
+pub const NO_TILT: Tilt = Tilt { roll_rad: f64::NAN, pitch_rad: f64::NAN };
+
 /// Roll and pitch of the base, R = Rz(yaw) Ry(pitch) Rx(roll). An inertial unit without orientation (covariance −1) gives none.
-pub fn tilt(message: &sensor_msgs::Imu) -> Option<Tilt> {
+///
+/// # Errors
+/// The orientation is no rotation: its quaternion's length is not 1 (0 0 0 0 included), or not a number.
+pub fn tilt(message: &sensor_msgs::Imu) -> Result<Option<Tilt>, String> {
     if message.orientation_covariance[0] < 0.0 {
-        return None;
+        return Ok(None);
     }
-    let q = &message.orientation;
-    Some(Tilt {
+    let mut q = message.orientation.clone();
+    let length = (q.x * q.x + q.y * q.y + q.z * q.z + q.w * q.w).sqrt();
+    // Written so that NaN is refused as well.
+    if !((length - 1.0).abs() <= QUATERNION_TOLERANCE) {
+        return Err(format!(
+            "the orientation (x {}, y {}, z {}, w {}) has the length {length}: expected 1; an inertial unit without orientation \
+             says so by orientation_covariance[0] = -1",
+            q.x, q.y, q.z, q.w
+        ));
+    }
+    for component in [&mut q.x, &mut q.y, &mut q.z, &mut q.w] {
+        *component /= length;
+    }
+    Ok(Some(Tilt {
         roll_rad: (2.0 * (q.w * q.x + q.y * q.z)).atan2(1.0 - 2.0 * (q.x * q.x + q.y * q.y)),
         pitch_rad: (2.0 * (q.w * q.y - q.z * q.x)).clamp(-1.0, 1.0).asin(),
-    })
+    }))
 }
 
 /// The command that answers the joint state of its stamp.
@@ -149,23 +173,20 @@ mod tests {
         message.position.insert(0, 9.0);
         message.velocity.insert(0, 9.0);
         let wall = Duration::from_secs(9);
-        let (state, problem) = joint_state(&message, &names(), wall);
-        let state = state.unwrap();
-        assert_eq!((state.position_rad, problem), (std::array::from_fn(|j| j as f64), None));
+        let state = joint_state(&message, &names(), wall).unwrap();
+        assert_eq!(state.position_rad, std::array::from_fn(|j| j as f64));
         assert_eq!((state.stamp, state.wall), (Duration::from_millis(1500), wall));
 
-        // A joint that is missing is told of, marked, and the others are heard.
+        // A joint that is missing is marked, and the others are heard.
         message.name[4] = "joint_99".into();
-        let (state, problem) = joint_state(&message, &names(), wall);
-        assert!(problem.unwrap().contains("\"joint_3\" is missing"));
-        assert_eq!(state.unwrap().named, std::array::from_fn(|j| j != 3));
+        assert_eq!(joint_state(&message, &names(), wall).unwrap().named, std::array::from_fn(|j| j != 3));
 
         message.velocity.pop();
-        let (state, problem) = joint_state(&message, &names(), wall);
-        assert!(state.is_none() && problem.unwrap().contains("velocity has 12 entries, name has 13"));
+        let problem = joint_state(&message, &names(), wall).unwrap_err();
+        assert!(problem.contains("velocity has 12 entries, name has 13"));
         let stranger =
             sensor_msgs::JointState { name: vec!["pan".into()], position: vec![0.0], velocity: vec![0.0], ..message };
-        assert!(joint_state(&stranger, &names(), wall).0.is_none());
+        assert!(joint_state(&stranger, &names(), wall).unwrap_err().contains("\"joint_0\" is missing"));
     }
 
     #[test]
@@ -181,9 +202,23 @@ mod tests {
             },
             ..Default::default()
         };
-        let tilt_found = tilt(&imu).unwrap();
-        assert!((tilt_found.roll_rad - roll).abs() < 1e-12 && (tilt_found.pitch_rad - pitch).abs() < 1e-12);
+        // Rounded to single precision and a little more: taken as the rotation that it nearly is.
+        for scale in [1.0, 1.0 - 1e-3] {
+            let q = &mut imu.orientation;
+            (q.x, q.y, q.z, q.w) = (scale * q.x, scale * q.y, scale * q.z, scale * q.w);
+            let found = tilt(&imu).unwrap().unwrap();
+            assert!((found.roll_rad - roll).abs() < 1e-12 && (found.pitch_rad - pitch).abs() < 1e-12);
+        }
         imu.orientation_covariance[0] = -1.0;
-        assert_eq!(tilt(&imu), None);
+        assert_eq!(tilt(&imu), Ok(None));
+    }
+
+    #[test]
+    fn an_orientation_that_is_no_unit_quaternion_is_refused_and_not_read_as_level() {
+        let of = |x, w| sensor_msgs::Imu { orientation: Quaternion { x, y: 0.0, z: 0.0, w }, ..Default::default() };
+        assert!(tilt(&of(0.0, 0.0)).unwrap_err().contains("has the length 0: expected 1"));
+        // 1.2 rad of roll at length 0.6 would read 0.41 rad.
+        assert!(tilt(&of(0.6 * 0.6_f64.sin(), 0.6 * 0.6_f64.cos())).unwrap_err().contains("has the length 0.6"));
+        assert!(tilt(&of(f64::NAN, 1.0)).unwrap_err().contains("NaN"));
     }
 }

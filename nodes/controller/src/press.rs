@@ -3,9 +3,11 @@
 use crate::cycle::{Said, Timing};
 use crate::dds_bus::Speaker;
 use crate::desk::Desk;
+use crate::inputs::InputProblems;
 use crate::ports;
 use crate::tape::{self, Recording};
 use control::{DampingReason, Fault, FaultReport, JOINTS, Mode};
+use realtime::monotonic_now;
 use ros::{Clock, Node, PublishError, Publisher, Qos, RosError, Stop};
 use rtrb::Consumer;
 use std::sync::Arc;
@@ -40,6 +42,7 @@ pub struct Press {
     last: Last,
     publish_failures: u64,
     recording: Arc<Recording>,
+    problems: Arc<InputProblems>,
 }
 
 /// What was said last, to tell what is new.
@@ -57,6 +60,7 @@ impl Press {
         (state_every, joint_states_every): (u64, u64),
         speaker: Option<Speaker>,
         recording: Arc<Recording>,
+        problems: Arc<InputProblems>,
     ) -> Result<Self, RosError> {
         Ok(Self {
             joint_states: speaker.is_none().then(|| node.publisher("joint_states", OFFERED)).transpose()?,
@@ -72,6 +76,7 @@ impl Press {
             last: Last::default(),
             publish_failures: 0,
             recording,
+            problems,
         })
     }
 
@@ -187,6 +192,21 @@ impl Press {
         }
     }
 
+    fn inputs_status(&self) -> DiagnosticStatus {
+        let problem = self.problems.current(monotonic_now());
+        let (level, message) = match problem.is_empty() {
+            true => (DiagnosticStatus::OK, "nothing wrong with what comes in".to_owned()),
+            false => (DiagnosticStatus::ERROR, problem),
+        };
+        DiagnosticStatus {
+            level,
+            name: format!("{}: inputs", self.node_name),
+            message,
+            hardware_id: String::new(),
+            values: Vec::new(),
+        }
+    }
+
     fn diagnostics(&self, said: &Said, timing: &Timing) -> DiagnosticArray {
         let output = &said.output;
         let value = |key: &str, value: String| KeyValue { key: key.into(), value };
@@ -240,6 +260,7 @@ impl Press {
             header: Header { stamp: self.clock.now(), frame_id: String::new() },
             status: vec![
                 self.recording_status(),
+                self.inputs_status(),
                 DiagnosticStatus {
                     level,
                     name: format!("{}: control loop", self.node_name),

@@ -3,8 +3,9 @@
 
 use crate::config::{Pace, Parameters};
 use crate::cycle::{Cycle, EmergencyStop};
-use crate::dds_bus::{CycleClock, DEPTH, DdsBus, Speaker};
+use crate::dds_bus::{COMMANDS, CycleClock, DEPTH, DdsBus, Speaker};
 use crate::desk::{Desk, Sensors};
+use crate::inputs::InputProblems;
 use crate::press::{self, Press, PressRoom};
 use crate::tape::{self, Recording, Subject};
 use anyhow::Context as _;
@@ -20,12 +21,50 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::mpsc::sync_channel;
 use std::thread::JoinHandle;
-use std::time::{Duration, SystemTime, UNIX_EPOCH};
+use std::time::{Duration, Instant, SystemTime, UNIX_EPOCH};
 
 /// How long deactivating waits for a walk to come to rest: a step, the motion running out, and room.
 const STOPPING_PATIENCE: Duration = Duration::from_secs(3);
 /// How long it then waits to see the robot damped. In lockstep time may stand still.
 const DAMPING_PATIENCE: Duration = Duration::from_millis(300);
+
+/// How long other nodes get to be discovered before this one's commands have a topic.
+const LISTENING: Duration = Duration::from_millis(1000);
+/// How often other publishers of commands are looked for, and how often in a row one must be seen: what is announced for a
+/// moment only commands nobody.
+const LOOKING_EVERY: Duration = Duration::from_millis(100);
+const SEEN: u32 = 5;
+
+/// Refuses where another program commands the same robot. It must be asked before this one's publisher exists: two that see each
+/// other's are a fault in both.
+fn listen_for_another(node: &Node) -> anyhow::Result<()> {
+    let deadline = Instant::now() + LISTENING;
+    while node.publisher_count(COMMANDS) == 0 {
+        if Instant::now() >= deadline {
+            return Ok(());
+        }
+        std::thread::sleep(LOOKING_EVERY / 2);
+    }
+    anyhow::bail!(
+        "another program publishes {COMMANDS}: a robot has one controller. Stop the other one (one that was killed is known for \
+         50 s), or give this one another namespace (--ros-args -r __ns:=/NAME)"
+    )
+}
+
+/// Looks for other publishers of commands for as long as the node's part lives.
+fn watch_for_another(node: &Node) -> Arc<AtomicBool> {
+    let found = Arc::new(AtomicBool::new(false));
+    let (core, flag, mut seen) = (node.part(), Arc::clone(&found), 0);
+    node.every(LOOKING_EVERY, move || {
+        seen = if core.publisher_count(COMMANDS) > 0 { seen + 1 } else { 0 };
+        let another = seen >= SEEN;
+        if another && !flag.swap(another, Ordering::AcqRel) {
+            tracing::error!("another program publishes {COMMANDS}: a robot has one controller");
+        }
+        flag.store(another, Ordering::Release);
+    });
+    found
+}
 
 /// How long a bus is listened to before the first frame: ten periods of the slowest controller.
 const LISTEN_FIRST: Duration = Duration::from_millis(200);
@@ -121,6 +160,10 @@ impl Work {
         // an old one again.
         let fast = if lockstep { press::OFFERED } else { Qos::best_effort(1) };
 
+        if !on_bus {
+            listen_for_another(&self.node)?;
+        }
+
         let (states_in, states) = RingBuffer::new(DEPTH);
         let (commands_in, commands) = RingBuffer::new(DEPTH);
         let (tilts_in, tilts) = RingBuffer::new(64);
@@ -148,18 +191,20 @@ impl Work {
         });
         let recording = Arc::new(recording);
         recording.listen(&node, &leg_names)?;
+        let problems = Arc::<InputProblems>::default();
         let desk = Arc::new(Desk::new(
             asked_in,
             gaits_in,
             Arc::clone(&recording),
             Arc::clone(&emergency_stop),
+            Arc::clone(&problems),
             config.clone(),
             lockstep,
         ));
         let joint_names = config.joint_names.each_ref().map(|name| format!("{}{name}", parameters.joint_prefix));
         let speaker = (!on_bus).then(|| Speaker::new(&node, joint_names.clone(), commands, lockstep)).transpose()?;
         let every = (parameters.state_every, parameters.joint_states_every);
-        let press = Press::new(&node, joint_names.clone(), every, speaker, Arc::clone(&recording))?;
+        let press = Press::new(&node, joint_names.clone(), every, speaker, Arc::clone(&recording), problems)?;
         let writer = std::thread::Builder::new().name("recording".into()).spawn(move || writer.run())?;
         if let Some(folder) = &parameters.record_folder {
             let folder = std::path::absolute(folder)?.join(tape::folder_name(since_epoch));
@@ -176,6 +221,7 @@ impl Work {
             asked,
             gaits,
             emergency_stop: Arc::clone(&emergency_stop),
+            second_controller: if on_bus { Arc::default() } else { watch_for_another(&node) },
             tape,
             stop: Arc::clone(&stop),
             said: said_in,

@@ -4,6 +4,7 @@ use control::{JOINTS, JointCommand};
 use joint_bus::{ContractBench, JointBus, Readings, check_contract};
 use ros::{Arguments, Node, Publisher, Qos};
 use rtrb::{Consumer, Producer, RingBuffer};
+use std::sync::Arc;
 use std::sync::mpsc::{Receiver, channel};
 use std::time::{Duration, Instant};
 use tandem_controller::dds_bus::{CommandMessage, CycleClock, DEPTH, DdsBus, Speaker, StateMessage, listen};
@@ -37,7 +38,7 @@ impl Bench {
         let (states_in, states) = RingBuffer::new(DEPTH);
         let (commands_in, commands) = RingBuffer::new(DEPTH);
         let qos = Qos::reliable(10);
-        listen(&controller, names.clone(), states_in, Some(std::thread::current()), qos).unwrap();
+        listen(&controller, names.clone(), states_in, Some(std::thread::current()), qos, Arc::default()).unwrap();
         let speaker = Speaker::new(&controller, names.clone(), commands, true).unwrap();
         let bus = DdsBus::new(states, commands_in, None, CycleClock::JointStates, GAP);
         let (sender, receiver) = channel();

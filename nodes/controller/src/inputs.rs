@@ -1,0 +1,196 @@
+//! What is wrong with the messages that come in, kept for where a user looks: the log, the answers of services, the diagnostics.
+
+use crate::dds_bus::StateMessage;
+use control::JOINTS;
+use std::sync::{Mutex, PoisonError};
+use std::time::Duration;
+use tandem_msgs::builtin_interfaces::Time;
+
+/// A problem that was not seen again for so long is over.
+const MEMORY: Duration = Duration::from_secs(1);
+/// A joint that no message has named for so long is missing. Messages may carry the joints in parts.
+const MISSING_AFTER: Duration = Duration::from_millis(500);
+/// As many messages with one stamp are no repetition of a lost one.
+const STANDING_STAMPS: u32 = 20;
+
+/// The topics whose problems are kept.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Topic {
+    /// `joint_states`.
+    JointStates,
+    /// `imu`.
+    Imu,
+}
+
+impl Topic {
+    const ALL: [Self; 2] = [Self::JointStates, Self::Imu];
+
+    /// Its name, relative to the node's namespace.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::JointStates => "joint_states",
+            Self::Imu => "imu",
+        }
+    }
+}
+
+#[derive(Clone, Debug, Default)]
+struct Problem {
+    text: String,
+    count: u64,
+    last: Option<Duration>,
+}
+
+/// The last problem of each topic.
+#[derive(Debug, Default)]
+pub struct InputProblems {
+    problems: Mutex<[Problem; Topic::ALL.len()]>,
+}
+
+impl InputProblems {
+    /// A message at monotonic time `wall` had this wrong with it. Logged when it is new, and ever more rarely while it goes on: a
+    /// publisher at 1 kHz must not fill the log.
+    pub fn note(&self, topic: Topic, text: String, wall: Duration) {
+        let mut problems = self.problems.lock().unwrap_or_else(PoisonError::into_inner);
+        let problem = &mut problems[topic as usize];
+        problem.count += 1;
+        if problem.count.is_power_of_two() {
+            tracing::warn!("{} ({} so far): {text}", topic.name(), problem.count);
+        }
+        (problem.text, problem.last) = (text, Some(wall));
+    }
+
+    /// What is wrong at monotonic time `wall`, in one line; empty where nothing is.
+    pub fn current(&self, wall: Duration) -> String {
+        let problems = self.problems.lock().unwrap_or_else(PoisonError::into_inner);
+        let current = Topic::ALL.into_iter().filter_map(|topic| {
+            let problem = &problems[topic as usize];
+            let is_current = problem.last.is_some_and(|last| wall.saturating_sub(last) < MEMORY);
+            is_current.then(|| format!("{}: {}", topic.name(), problem.text))
+        });
+        current.collect::<Vec<_>>().join("; ")
+    }
+}
+
+/// Looks at the joint states for what no single message tells.
+#[derive(Clone, Debug, Default)]
+pub struct StateWatch {
+    /// In lockstep a stamp that stands still is a simulation that waits.
+    stamps_may_stand: bool,
+    first: Option<Duration>,
+    named: [Option<Duration>; JOINTS],
+    stamps: [Option<Duration>; JOINTS],
+    standing: u32,
+}
+
+impl StateWatch {
+    /// Nothing has come yet.
+    pub fn new(stamps_may_stand: bool) -> Self {
+        Self { stamps_may_stand, ..Self::default() }
+    }
+
+    /// What is wrong with the state, or with those up to it. `names` are the joints', `found` the message's.
+    pub fn look(&mut self, state: &StateMessage, names: &[String; JOINTS], found: &[String]) -> Option<String> {
+        let first = *self.first.get_or_insert(state.wall);
+        let mut repeats = true;
+        for j in (0..JOINTS).filter(|j| state.named[*j]) {
+            repeats &= self.stamps[j] == Some(state.stamp);
+            (self.named[j], self.stamps[j]) = (Some(state.wall), Some(state.stamp));
+        }
+        self.standing = if repeats { self.standing.saturating_add(1) } else { 0 };
+        self.not_finite(state, names).or_else(|| self.standing_stamp(state)).or_else(|| {
+            let silent = |j: &usize| state.wall.saturating_sub(self.named[*j].unwrap_or(first)) > MISSING_AFTER;
+            let alone = state.named.iter().filter(|named| **named).count() < JOINTS && self.first == Some(state.wall);
+            let missing = (0..JOINTS).find(|j| silent(j) || (alone && !state.named[*j]))?;
+            Some(format!("joint {:?} is missing; the message has {found:?}", names[missing]))
+        })
+    }
+
+    fn not_finite(&self, state: &StateMessage, names: &[String; JOINTS]) -> Option<String> {
+        (0..JOINTS).filter(|j| state.named[*j]).find_map(|j| {
+            [("position", state.position_rad[j]), ("velocity", state.velocity_rad_s[j])]
+                .into_iter()
+                .find(|(_, value)| !value.is_finite())
+                .map(|(what, value)| format!("the {what} of {:?} is {value}: expected a finite number", names[j]))
+        })
+    }
+
+    fn standing_stamp(&self, state: &StateMessage) -> Option<String> {
+        (self.standing >= STANDING_STAMPS && !self.stamps_may_stand).then(|| {
+            format!(
+                "{} messages with the stamp {} s: expected the time of each measurement, which neither zero nor whole \
+                 seconds are; or the simulation is paused",
+                self.standing + 1,
+                Time::from_nanoseconds(i64::try_from(state.stamp.as_nanos()).unwrap_or(i64::MAX)).seconds()
+            )
+        })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const MS: Duration = Duration::from_millis(1);
+
+    fn names() -> [String; JOINTS] {
+        std::array::from_fn(|j| format!("joint_{j}"))
+    }
+
+    fn state(stamp: Duration, wall: Duration, named: impl Fn(usize) -> bool) -> StateMessage {
+        StateMessage {
+            stamp,
+            wall,
+            named: std::array::from_fn(named),
+            position_rad: [0.1; JOINTS],
+            velocity_rad_s: [0.0; JOINTS],
+            torque_nm: None,
+        }
+    }
+
+    #[test]
+    fn stamps_of_zero_or_whole_seconds_are_told_for_what_they_are() {
+        for stamp in [Duration::ZERO, Duration::from_secs(7)] {
+            let mut watch = StateWatch::default();
+            let problems: Vec<_> =
+                (0..40).map(|k| watch.look(&state(stamp, k * 5 * MS, |_| true), &names(), &names())).collect();
+            assert!(problems[..20].iter().all(Option::is_none));
+            let problem = problems[30].as_ref().unwrap();
+            assert!(problem.contains(&format!("the stamp {} s", stamp.as_secs())), "{problem}");
+        }
+        let mut watch = StateWatch::default();
+        for k in 0..100 {
+            // Repeated ten times each, as a simulation does that waits for an answer.
+            assert_eq!(watch.look(&state(k / 10 * MS, k * MS, |_| true), &names(), &names()), None);
+        }
+    }
+
+    #[test]
+    fn joint_states_in_two_parts_lack_nothing_and_a_joint_that_no_part_has_is_missing() {
+        let mut watch = StateWatch::default();
+        for k in 1..1000 {
+            let half = |j: usize| (j < 6) == (k % 2 == 0);
+            let problem = watch.look(&state(k / 2 * MS, k * MS, half), &names(), &names());
+            assert!(k == 1 || problem.is_none(), "{k}: {problem:?}");
+        }
+        let mut watch = StateWatch::default();
+        let problems: Vec<_> =
+            (0..600).map(|k| watch.look(&state(k * MS, k * MS, |j| j != 3), &names(), &names())).collect();
+        assert!(problems[0].as_ref().unwrap().contains("\"joint_3\" is missing"));
+        assert!(problems[599].as_ref().unwrap().contains("\"joint_3\" is missing"));
+    }
+
+    #[test]
+    fn a_value_that_is_no_number_is_told_by_joint_and_forgotten_when_it_is_over() {
+        let mut bad = state(MS, MS, |_| true);
+        bad.velocity_rad_s[4] = f64::NAN;
+        let text = StateWatch::default().look(&bad, &names(), &names()).unwrap();
+        assert_eq!(text, "the velocity of \"joint_4\" is NaN: expected a finite number");
+        let problems = InputProblems::default();
+        problems.note(Topic::JointStates, text, MS);
+        assert!(problems.current(2 * MS).starts_with("joint_states: the velocity of"));
+        problems.note(Topic::Imu, "upside down".into(), MS);
+        assert!(problems.current(2 * MS).ends_with("; imu: upside down"));
+        assert_eq!(problems.current(2 * MEMORY), "");
+    }
+}
