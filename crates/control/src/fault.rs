@@ -87,7 +87,6 @@ impl Fault {
             Self::Overrun => "overrun",
             Self::ClockJump => "clock_jump",
             Self::InternalError => "internal_error",
-            Self::SecondController => "second_controller",
         }
     }
 
@@ -186,7 +185,6 @@ impl FaultReport {
             Fault::Overrun => ("s between two cycles", "give the controller real-time rights (docs/hardware.md)"),
             Fault::ClockJump => ("s", "restart the controller after the clock or the simulation"),
             Fault::InternalError => ("", "please report this with the run's bag"),
-            Fault::SecondController => ("other sources of commands", "stop the other program that commands this robot"),
         };
         format!(
             "fault {}{place}: saw {:.4} {unit}, allowed {:.4}; {action}, then clear it by its name",
