@@ -2,6 +2,7 @@
 
 {"call": NAME, "type": "package/srv/Type", "fields": {...}, "seconds": S}   calls a service, trying again until it answers
 {"watch": NAME, "type": "package/msg/Type"}                                 begins to keep what a topic says
+{"say": NAME, "type": "package/msg/Type", "fields": {...}}                 says it from now on, 20 times a second
 {"heard": NAME, "fields": [...]}                                            what it said since, with the time of each message
 """
 
@@ -26,7 +27,7 @@ node = rclpy.create_node("at_host_" + sys.argv[1])
 executor = SingleThreadedExecutor()
 executor.add_node(node)
 threading.Thread(target=executor.spin, daemon=True).start()
-heard, clients = {}, {}
+heard, clients, said = {}, {}, {}
 
 
 def call(name, type_, fields, seconds):
@@ -66,6 +67,14 @@ for line in sys.stdin:
             class_of(request["type"]), request["watch"], lambda m, kept=kept: kept.append((time.monotonic(), m)),
             QoSProfile(depth=1000, reliability=ReliabilityPolicy.BEST_EFFORT),
         )  # fmt: skip
+        answer = {}
+    elif "say" in request:
+        name, type_ = request["say"], class_of(request["type"])
+        if name not in said:
+            publisher = node.create_publisher(type_, name, 10)
+            said[name] = [publisher, None]
+            node.create_timer(0.05, lambda said=said[name]: said[0].publish(said[1]))
+        said[name][1] = type_(**request["fields"])
         answer = {}
     else:
         answer = [[when, *(value(message, path) for path in request["fields"])] for when, message in list(heard[request["heard"]])]

@@ -2,13 +2,15 @@
 
 use std::fmt::Write as _;
 use std::sync::OnceLock;
+use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::mpsc::{Receiver, SyncSender, sync_channel};
+use std::time::Instant;
 
 use tandem_msgs::builtin_interfaces::Time;
 use tandem_msgs::rcl_interfaces::Log;
 use tandem_msgs::text::printable;
 use tracing::field::{Field, Visit};
-use tracing::{Event, Level, Subscriber};
+use tracing::{Event, Level, Metadata, Subscriber};
 use tracing_subscriber::fmt::format::debug_fn;
 use tracing_subscriber::layer::{Context, SubscriberExt};
 use tracing_subscriber::util::SubscriberInitExt;
@@ -20,6 +22,9 @@ use crate::Arguments;
 const LINE_CHARS: usize = 4000;
 /// Lines that wait for the publisher. When it is full further lines reach standard error only: logging never waits.
 const WAITING_LINES: usize = 1024;
+
+/// Lines of the middleware a second: most of them are about what others send, and whoever floods it must not fill the log.
+const MIDDLEWARE_LINES: u64 = 10;
 
 static ROSOUT: OnceLock<SyncSender<Log>> = OnceLock::new();
 
@@ -42,7 +47,7 @@ pub(crate) fn start(arguments: &Arguments, node: &str) -> Option<Receiver<Log>> 
     let first = arguments.rosout && ROSOUT.set(sender).is_ok();
     let lines = screen_layer(std::io::stderr, std::io::IsTerminal::is_terminal(&std::io::stderr()));
     // Fails where the program has installed its own subscriber, which is its right.
-    let _ = tracing_subscriber::registry().with(filter).with(lines).with(RosoutLayer).try_init();
+    let _ = tracing_subscriber::registry().with(FewLines::new()).with(filter).with(lines).with(RosoutLayer).try_init();
     first.then_some(receiver)
 }
 
@@ -64,6 +69,35 @@ fn write_field(writer: &mut impl std::fmt::Write, name: &str, value: &dyn std::f
     let text = format!("{value:?}");
     let text = printable(&text, LINE_CHARS);
     if name == "message" { write!(writer, "{text}") } else { write!(writer, " {name}={text}") }
+}
+
+/// Lets so many of the middleware's lines pass in each second, and all others. The innermost layer: it is asked for lines that the
+/// filter lets pass.
+struct FewLines {
+    began: Instant,
+    /// The second in the upper half, the lines in it in the lower.
+    lines: AtomicU64,
+}
+
+impl FewLines {
+    fn new() -> Self {
+        Self { began: Instant::now(), lines: AtomicU64::new(0) }
+    }
+
+    fn passes(&self, second: u64) -> bool {
+        let second = second << 32;
+        let count = |lines: u64| if lines >> 32 == second >> 32 { lines + 1 } else { second + 1 };
+        let before = self.lines.fetch_update(Ordering::Relaxed, Ordering::Relaxed, |lines| Some(count(lines)));
+        count(before.unwrap_or(0)) & 0xffff_ffff <= MIDDLEWARE_LINES
+    }
+}
+
+impl<S: Subscriber> Layer<S> for FewLines {
+    fn enabled(&self, metadata: &Metadata<'_>, _context: Context<'_, S>) -> bool {
+        let of_the_middleware =
+            metadata.target().starts_with("rustdds") || metadata.target().starts_with("ros2_client");
+        !of_the_middleware || self.passes(self.began.elapsed().as_secs())
+    }
 }
 
 struct RosoutLayer;
@@ -164,5 +198,12 @@ mod tests {
         let mut text = Text::default();
         let _ = write_field(&mut text.message, "message", &format_args!("a\nb\u{7}"));
         assert_eq!(text.message, r"a\nb\u{7}", "the line on /rosout");
+    }
+
+    #[test]
+    fn a_flood_of_the_middlewares_lines_is_ten_a_second() {
+        let lines = FewLines::new();
+        let passed = |second: u64| (0..1000).filter(|_| lines.passes(second)).count() as u64;
+        assert_eq!([passed(0), passed(1), passed(7)], [MIDDLEWARE_LINES; 3]);
     }
 }

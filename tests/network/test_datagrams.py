@@ -1,0 +1,119 @@
+"""One datagram each, sent in the name of a participant that the node knows. Nothing may come of it: no memory, no thread lost, no panic,
+and the node answers as before."""
+
+import os
+import pathlib
+import socket
+import time
+
+import pytest
+import rtps
+from conftest import DOMAIN, Client
+
+GROWTH_BYTES = 20 << 20
+FIRST_PORT = 7400 + 250 * DOMAIN
+
+
+def resident_bytes(pid):
+    return int(pathlib.Path(f"/proc/{pid}/statm").read_text().split()[1]) * os.sysconf("SC_PAGE_SIZE")
+
+
+def threads(pid):
+    return len(os.listdir(f"/proc/{pid}/task"))
+
+
+class Pair:
+    """The node that is attacked, and another one in whose name that is done."""
+
+    def __init__(self, processes):
+        self.node = processes("tandem_planner", "--ros-args", "-r", "__ns:=/attacked", name="attacked")
+        self.other = processes("tandem_planner", "--ros-args", "-r", "__ns:=/spoofed", name="spoofed")
+        self.client = Client("asker")
+        self.generate = self.service("/attacked/generate_gait")
+        self.of_other = self.service("/spoofed/generate_gait")
+        self.out = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
+        self.ports = self.metatraffic(self.node)
+        # Who says what: what goes to a node's own port is from others, what comes from a node's socket is its own.
+        heard = rtps.capture(7, {FIRST_PORT, *self.ports})
+        mine = {port for ports in rtps.listens([self.other.process.pid]).values() for port in ports}
+        prefixes = {datagram[8:20] for source, _, datagram in heard if source in mine and datagram[6:8] == rtps.RUSTDDS}
+        assert len(prefixes) == 1, "the other participant is heard"
+        (self.spoofed,) = prefixes
+        mine = {port for ports in rtps.listens([os.getpid()]).values() for port in ports}
+        self.asker = next(datagram[8:20] for source, _, datagram in heard if source in mine and datagram[6:8] == rtps.FAST_DDS)
+
+    def service(self, name):
+        from tandem_msgs.srv import GenerateGait
+
+        return self.client.service(GenerateGait, name)
+
+    def metatraffic(self, node):
+        return [p for p in rtps.listens([node.process.pid])[node.process.pid] if FIRST_PORT + 10 <= p < FIRST_PORT + 250]
+
+    def send(self, *submessages, raw=None):
+        for port in self.ports:
+            self.out.sendto(raw or rtps.message(self.spoofed, *submessages), ("127.0.0.1", port))
+
+    def answers(self, client, seconds=1.0):
+        from tandem_msgs.srv import GenerateGait
+
+        began = time.monotonic()
+        assert not self.client.call(client, GenerateGait.Request(behaviour="moonwalk"), seconds).success
+        return time.monotonic() - began
+
+
+@pytest.fixture(scope="module")
+def pair(processes, ros):
+    pair = Pair(processes)
+    yield pair
+    pair.client.close()
+
+
+WRITER, READER = rtps.SEDP[0]
+DATAGRAMS = {
+    "a_heartbeat_of_a_range_without_end": [rtps.heartbeat(READER, WRITER, 1, 1 << 62, 1 << 20)],
+    "a_heartbeat_at_the_end_of_the_numbers": [rtps.heartbeat(READER, WRITER, (1 << 63) - 8, (1 << 63) - 1, 1 << 21)],
+    "a_gap_without_end": [rtps.gap(READER, WRITER, 100, 1 << 62)],
+    "a_fragment_of_four_gigabytes": [rtps.data_frag(READER, WRITER, 1000, 1, 1, 1400, 0xFFFFFFFF, b"\0" * 1400)],
+    "a_request_for_fragment_zero": [rtps.nack_frag(READER, WRITER, 1, 0, 1)],
+    "a_request_for_a_fragment_far_away": [rtps.nack_frag(READER, WRITER, 1, 0xFFFFFF00, 2)],
+    "an_acknowledgment_of_what_was_never_sent": [rtps.acknack(READER, WRITER, 1 << 62, 0xFFFFFFFF, 1 << 20)],
+}
+
+
+@pytest.mark.parametrize("name", DATAGRAMS)
+def test_nothing_comes_of(pair, name):
+    pid = pair.node.process.pid
+    memory, tasks = resident_bytes(pid), threads(pid)
+    for port in pair.ports:
+        pair.send(*DATAGRAMS[name])
+    time.sleep(2)
+    assert pair.node.alive(), pair.node.text()[-3000:]
+    grown = resident_bytes(pid) - memory
+    assert grown < GROWTH_BYTES and threads(pid) >= tasks and "panicked" not in pair.node.text(), (grown, pair.node.text()[-3000:])
+    print(f"{name}: {grown / 2**20:.1f} MB more, answered in {1000 * pair.answers(pair.generate):.0f} ms")
+
+
+def test_a_farewell_that_others_say_is_not_believed(pair):
+    """The other node is still there: whoever it talks to has to go on hearing it. The node that is attacked asks it, and it answers."""
+    before = pair.node.text()
+    for _ in range(3):
+        pair.send(raw=rtps.farewell(pair.spoofed))
+        time.sleep(1.5)
+        assert pair.answers(pair.generate) < 1 and pair.answers(pair.of_other) < 1
+    # Both nodes go on exchanging announcements: the attacked one asks the other's writers every two seconds.
+    other = pair.metatraffic(pair.other)
+    mine = set(rtps.listens([pair.node.process.pid])[pair.node.process.pid])
+    to_other = lambda: [d for source, _, d in rtps.capture(5, set(other)) if source in mine and any(k == rtps.ACKNACK for k, *_ in rtps.submessages(d))]
+    assert to_other(), "the attacked node still knows the other one"
+    assert "panicked" not in pair.node.text()[len(before) :]
+
+
+def test_a_forged_heartbeat_does_not_make_deaf(pair):
+    """Forged in the name of the test's own participant: an endpoint that this announces afterwards is heard, or no answer would reach it."""
+    for writer, reader in rtps.SEDP:
+        pair.send(raw=rtps.message(pair.asker, rtps.heartbeat(reader, writer, 1 << 40, 1 << 41, 1 << 22)))
+        pair.send(raw=rtps.message(pair.asker, rtps.gap(reader, writer, 1, 1 << 40)))
+    time.sleep(5)
+    newcomer = pair.service("/attacked/generate_gait")
+    print(f"a client that came after it is answered in {1000 * pair.answers(newcomer, 5.0):.0f} ms")
