@@ -6,7 +6,7 @@ use crate::desk::Desk;
 use crate::ports;
 use crate::tape::{self, Recording};
 use control::{DampingReason, Fault, FaultReport, JOINTS, Mode};
-use ros::{Clock, Node, PublishError, Publisher, Qos, RosError, Stop};
+use ros::{Clock, Node, PublishError, Publisher, Pulse, Qos, RosError, Stop};
 use rtrb::Consumer;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -40,6 +40,8 @@ pub struct Press {
     last: Last,
     publish_failures: u64,
     recording: Arc<Recording>,
+    /// A press that hangs sends no commands and no states.
+    pulse: Pulse,
 }
 
 /// What was said last, to tell what is new.
@@ -72,12 +74,14 @@ impl Press {
             last: Last::default(),
             publish_failures: 0,
             recording,
+            pulse: node.stop().health().watch(),
         })
     }
 
     /// Publishes until `cycle_ended`, and everything that was said until then.
     pub fn run(mut self, mut said: Consumer<Said>, desk: &Desk, cycle_ended: &AtomicBool) {
         loop {
+            self.pulse.beat();
             let ended = cycle_ended.load(Ordering::Acquire);
             self.speak();
             while let Ok(said) = said.pop() {
