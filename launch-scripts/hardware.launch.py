@@ -1,6 +1,12 @@
 """The controller on the robot's CAN buses. It comes up disarmed; arming is a service call of its own.
 
 ros2 launch tandem hardware.launch.py bus_file:=config/hardware/vision60_can.toml core:=3
+
+It demands a heartbeat on emergency_stop and counts as stopped without one. In a terminal of the person who watches the robot:
+
+tandem stop-button                                             keys: space presses, r releases, q leaves (and stops the robot)
+tandem stop-button --joystick /dev/input/js0 --button 0        a joystick's button beside the keys
+tandem stop-button --ros-args -r __ns:=/NAMESPACE              where the controller has a namespace
 """
 
 from launch import LaunchDescription
@@ -23,7 +29,7 @@ def generate_launch_description():
         DeclareLaunchArgument(
             "emergency_stop_heartbeat_s",
             default_value="0.5",
-            description="Longest silence of the emergency_stop topic; 0: its silence means nothing.",
+            description="Longest silence of `tandem stop-button`, which must run; 0: silence means nothing.",
         ),
         DeclareLaunchArgument(
             "planner", default_value="true", choices=["true", "false"], description="false: a planner runs elsewhere."

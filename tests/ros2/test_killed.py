@@ -55,7 +55,8 @@ class Robot:
 
     def start_controller(self):
         timeout_s = TIMEOUT_CYCLES * CYCLE_S
-        return self.start("tandem_controller", f"state_timeout_s:={timeout_s}", f"overrun_s:={timeout_s}", "posture_speed_rad_s:=2.0")
+        timeouts = [f"{name}:={timeout_s}" for name in ("state_timeout_s", "overrun_s", "middleware_timeout_s")]
+        return self.start("tandem_controller", *timeouts, "posture_speed_rad_s:=2.0")
 
     def _watch(self):
         # Quicker than an executor.

@@ -490,7 +490,9 @@ impl Controller {
             let c = &self.config;
             let outside = (c.position_min_rad[j] - q).max(q - c.position_max_rad[j]);
             let fastest = IMPLAUSIBLE_VELOCITY * c.velocity_limit_rad_s[j];
-            if outside > c.position_fault_rad {
+            // Joints that nothing holds rest where their mechanical stops are, beyond the limits of commands: no fault of the encoder's. Until
+            // they are back, arming and standing up are refused (`posture_problem`).
+            if outside > c.position_fault_rad && self.mode.is_moving() {
                 found = Some(problem(
                     Fault::PositionOutOfRange,
                     Some(j),

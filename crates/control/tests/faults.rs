@@ -112,6 +112,33 @@ fn what_cannot_be_is_a_fault_in_the_same_cycle() {
 }
 
 #[test]
+fn a_robot_that_fell_after_the_stop_and_rests_on_its_mechanical_stops_has_no_encoder_fault() {
+    let mut b = Bench::walking(config());
+    b.obeys = false;
+    b.emergency_stop = true;
+    assert_eq!(b.cycle(&[], None).mode, Mode::Damping);
+    // A knee sinks to 0.4 rad beyond its limit, and stays there.
+    let outside = config().position_max_rad[5] + 0.4;
+    while b.position_rad[5] < outside {
+        b.position_rad[5] += 0.005;
+        b.velocity_rad_s[5] = 5.0;
+        let output = b.cycle(&[], None);
+        assert!(output.faults.is_empty() && is_damping(&output), "{:?} at {}", output.report, b.position_rad[5]);
+    }
+    b.velocity_rad_s = [0.0; JOINTS];
+    b.emergency_stop = false;
+    b.run(10);
+    assert_eq!(b.ask(Request::Stand), Err(Refusal::JointOutside { joint: 5 }));
+    assert_eq!(b.ask(Request::Disarm), Ok(Mode::Disarmed));
+    assert_eq!(b.ask(Request::Arm), Err(Refusal::JointOutside { joint: 5 }));
+    // Back where it can be, it is armed; what an encoder alone can do is a fault all the same.
+    b.position_rad[5] = config().position_max_rad[5];
+    assert_eq!(b.ask(Request::Arm), Ok(Mode::Damping));
+    b.position_rad[5] += 0.5;
+    assert_fault(&b.cycle(&[], None), Fault::EncoderJump, Some(5));
+}
+
+#[test]
 fn joint_states_that_stop_mean_damping_after_the_timeout() {
     let mut b = Bench::walking(config());
     b.measures = false;

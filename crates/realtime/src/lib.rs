@@ -15,4 +15,4 @@ pub use clock::monotonic_now;
 pub use guard::{CountingAllocator, allocations_of_this_thread};
 pub use histogram::Histogram;
 pub use periodic::{Periodic, Wake};
-pub use scheduling::{RealtimeRequest, Warning};
+pub use scheduling::{RealtimeRequest, Warning, raise_threads};

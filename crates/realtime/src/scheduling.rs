@@ -84,6 +84,37 @@ impl RealtimeRequest {
     }
 }
 
+/// Gives ordinary threads of this process, those whose names begin with one of `names`, the real-time priority
+/// `priority`, so that a busy machine does not hold them up. Threads that they start are ordinary again. The number of
+/// threads that have it now.
+///
+/// # Errors
+/// The system's refusal.
+pub fn raise_threads(names: &[&str], priority: u8) -> Result<usize, Warning> {
+    let refused = |source| Warning::Scheduling { priority, source };
+    let mut raised = 0;
+    for task in std::fs::read_dir("/proc/self/task").map_err(refused)? {
+        let task = task.map_err(refused)?;
+        // A thread may end meanwhile.
+        let Ok(name) = std::fs::read_to_string(task.path().join("comm")) else { continue };
+        let Some(id) = task.file_name().to_str().and_then(|id| id.parse::<libc::pid_t>().ok()) else { continue };
+        if !names.iter().any(|wanted| name.starts_with(wanted)) {
+            continue;
+        }
+        // SAFETY: all zero is a valid sched_param; the pointer is to a live one.
+        let result = unsafe {
+            let mut parameters: libc::sched_param = std::mem::zeroed();
+            parameters.sched_priority = priority.into();
+            libc::sched_setscheduler(id, libc::SCHED_FIFO | libc::SCHED_RESET_ON_FORK, &parameters)
+        };
+        if result != 0 {
+            return Err(refused(io::Error::last_os_error()));
+        }
+        raised += 1;
+    }
+    Ok(raised)
+}
+
 fn pin(core: usize) -> io::Result<()> {
     if core >= libc::CPU_SETSIZE as usize {
         return Err(io::Error::from_raw_os_error(libc::EINVAL));
@@ -142,5 +173,28 @@ mod tests {
         })
         .join()
         .unwrap();
+    }
+
+    #[test]
+    fn threads_are_raised_by_their_name_and_theirs_are_not() {
+        let (go, wait) = std::sync::mpsc::channel::<()>();
+        let policy = || {
+            // SAFETY: no pointer is passed.
+            unsafe { libc::sched_getscheduler(0) & !libc::SCHED_RESET_ON_FORK }
+        };
+        let named = std::thread::Builder::new().name("raise_me".into()).spawn(move || {
+            wait.recv().unwrap();
+            (policy(), std::thread::spawn(policy).join().unwrap())
+        });
+        let raised = loop {
+            // A thread names itself, some time after it was started.
+            let raised = super::raise_threads(&["raise_me"], 1);
+            if !matches!(raised, Ok(0)) {
+                break raised;
+            }
+        };
+        go.send(()).unwrap();
+        let expected = if raised.is_ok() { libc::SCHED_FIFO } else { libc::SCHED_OTHER };
+        assert_eq!(named.unwrap().join().unwrap(), (expected, libc::SCHED_OTHER), "{raised:?}");
     }
 }

@@ -34,6 +34,8 @@ pub struct Arguments {
     pub(crate) rosout: bool,
     pub(crate) domain_id: u16,
     pub(crate) range: DiscoveryRange,
+    /// A panic in any thread ends the process.
+    pub(crate) supervised: bool,
 }
 
 impl Default for Arguments {
@@ -47,6 +49,7 @@ impl Default for Arguments {
             rosout: true,
             domain_id: 0,
             range: DiscoveryRange::Localhost,
+            supervised: false,
         }
     }
 }
@@ -58,7 +61,16 @@ impl Arguments {
     /// # Errors
     /// Names the first argument, file or variable that is not understood.
     pub fn from_process() -> Result<(Self, Vec<String>), RosError> {
-        Self::parse(std::env::args(), |name| std::env::var(name).ok())
+        let (arguments, rest) = Self::parse(std::env::args(), |name| std::env::var(name).ok())?;
+        Ok((arguments.supervised(), rest))
+    }
+
+    /// For a program that is a node and nothing else, as [`Arguments::from_process`] makes it: a panic in any thread of the process is the
+    /// node's failure and ends it with an error.
+    #[must_use]
+    pub fn supervised(mut self) -> Self {
+        self.supervised = true;
+        self
     }
 
     /// As [`Arguments::from_process`] from given arguments (the program's name first) and environment.

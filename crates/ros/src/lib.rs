@@ -60,6 +60,7 @@ mod publisher;
 mod qos;
 mod service;
 mod time;
+mod watchdog;
 
 pub use action::{Goal, GoalEnd};
 pub use arguments::{Arguments, DiscoveryRange};
@@ -67,6 +68,7 @@ pub use client::Client;
 pub use error::{CallError, PublishError, RosError};
 pub use folder::{NotFound, find};
 pub use lifecycle::{Change, ChangeError, Lifecycle, Managed, State};
+pub use matches::{Departure, PublisherId};
 pub use names::{PREFIX_RULE, check_prefix};
 pub use node::{Node, Stop};
 pub use parameters::{Parameter, ParameterBuilder, ParameterType, ParameterValue, Ranged};
@@ -74,6 +76,7 @@ pub use publisher::{Publisher, RawPublisher};
 pub use qos::Qos;
 pub use service::ServeOptions;
 pub use time::{Clock, wall_time};
+pub use watchdog::{Health, Pulse, Silence, THREADS, Thread};
 
 // Does not compile? Run launch-scripts/setup: cargo then builds RustDDS with the patches of patches/.
 const _: &str = ros2_client::dds::rustdds::PATCHED_FOR_TANDEM; // launch-scripts/setup makes it

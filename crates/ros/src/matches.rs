@@ -5,10 +5,10 @@ use std::pin::pin;
 use std::sync::Arc;
 
 use futures::StreamExt;
-use ros2_client::RmwRequestId;
 use ros2_client::dds::rustdds::{
-    DomainParticipantStatusEvent as Event, DomainParticipantStatusListener, GUID, StatusEvented,
+    DomainParticipantStatusEvent as Event, DomainParticipantStatusListener, GUID, LostReason, StatusEvented,
 };
+use ros2_client::{Gid, RmwRequestId};
 use tokio::sync::watch;
 
 use crate::node::Core;
@@ -48,6 +48,58 @@ impl Table {
     }
 }
 
+/// A publisher's identity, as long as it lives.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
+pub struct PublisherId(pub [u8; 16]);
+
+impl From<Gid> for PublisherId {
+    fn from(gid: Gid) -> Self {
+        PublisherId(gid.to_bytes16())
+    }
+}
+
+/// One publisher, or all those of one participant, are gone.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Departure {
+    id: [u8; 16],
+    /// How much of the identity counts.
+    length: usize,
+    /// They said so; else they were not heard for their lease.
+    pub in_order: bool,
+}
+
+impl Departure {
+    /// Bytes of an identity that are its participant's.
+    const PARTICIPANT: usize = 12;
+
+    /// One publisher is gone.
+    #[must_use]
+    pub fn of_publisher(publisher: PublisherId, in_order: bool) -> Self {
+        Departure { id: publisher.0, length: publisher.0.len(), in_order }
+    }
+
+    /// Whether this publisher is gone with it.
+    #[must_use]
+    pub fn covers(&self, publisher: PublisherId) -> bool {
+        publisher.0[..self.length] == self.id[..self.length]
+    }
+
+    fn of(event: &Event) -> Option<Self> {
+        match event {
+            Event::WriterLost { guid, reason } => {
+                Some(Self::of_publisher(PublisherId(guid.to_bytes()), matches!(reason, LostReason::Disposed)))
+            }
+            Event::ParticipantLost { id, reason } => {
+                let mut any_endpoint = GUID::from_bytes([0; 16]);
+                any_endpoint.prefix = *id;
+                let in_order = matches!(reason, LostReason::Disposed);
+                Some(Departure { id: any_endpoint.to_bytes(), length: Self::PARTICIPANT, in_order })
+            }
+            _ => None,
+        }
+    }
+}
+
 /// The matches of all endpoints of a node.
 #[derive(Default)]
 pub(crate) struct Matches(watch::Sender<Table>);
@@ -58,6 +110,9 @@ impl Matches {
         let mut events = pin!(listener.as_async_status_stream());
         while let Some(event) = events.next().await {
             core.matches.0.send_if_modified(|table| table.note(&event));
+            if let Some(departure) = Departure::of(&event) {
+                core.note_departure(departure);
+            }
         }
     }
 
@@ -125,8 +180,6 @@ impl Peers {
 
 #[cfg(test)]
 mod tests {
-    use ros2_client::dds::rustdds::LostReason;
-
     use super::*;
 
     fn guid(participant: u8, entity: u8, kind: u8) -> GUID {
@@ -156,5 +209,17 @@ mod tests {
         assert!(table.note(&Event::ParticipantLost { id: second.prefix, reason: LostReason::Disposed }));
         assert_eq!(table.readers.keys().collect::<Vec<_>>(), [&other]);
         assert!(table.writers.is_empty());
+    }
+
+    #[test]
+    fn a_departure_covers_its_publisher_or_all_of_its_participant() {
+        let (first, second, other) = (guid(1, 1, 3), guid(1, 2, 3), guid(2, 1, 3));
+        let id = |guid: GUID| PublisherId(guid.to_bytes());
+        let one = Departure::of(&Event::WriterLost { guid: first, reason: LostReason::Disposed }).unwrap();
+        assert_eq!([first, second, other].map(|guid| one.covers(id(guid))), [true, false, false]);
+        assert!(one.in_order);
+        let all = Departure::of(&Event::ParticipantLost { id: first.prefix, reason: LostReason::Disposed }).unwrap();
+        assert_eq!([first, second, other].map(|guid| all.covers(id(guid))), [true, true, false]);
+        assert_eq!(Departure::of(&Event::RemoteWriterMatched { local_reader: first, remote_writer: second }), None);
     }
 }

@@ -2,7 +2,7 @@
 
 use std::collections::HashMap;
 use std::net::Ipv4Addr;
-use std::sync::atomic::{AtomicBool, AtomicI64, Ordering};
+use std::sync::atomic::{AtomicI64, Ordering};
 use std::sync::{Arc, Mutex, PoisonError, Weak};
 use std::time::{Duration, Instant};
 
@@ -15,21 +15,23 @@ use tandem_msgs::builtin_interfaces::Time;
 use tandem_msgs::rcl_interfaces as wire;
 use tandem_msgs::{Action, Message, Service, rosgraph_msgs};
 use tokio::runtime::{Handle, Runtime};
+use tokio::sync::mpsc::UnboundedSender;
 use tokio::sync::watch;
 use tokio::task::JoinHandle;
 
 use crate::action::{Dispatcher, Goal, GoalEnd};
 use crate::arguments::{Arguments, DiscoveryRange};
 use crate::client::Client;
-use crate::matches::{Matches, Peers};
+use crate::matches::{Departure, Matches, Peers, PublisherId};
 use crate::names::{self, Subject};
 use crate::parameters::{ParameterBuilder, ParameterType, Store};
 use crate::publisher::{Publisher, Raw, RawPublisher, Slot};
 use crate::service::{ServeOptions, serve};
+use crate::watchdog::{self, Health};
 use crate::{Clock, Qos, RosError, Wire, logging};
 
 /// How long the end of a node may take before it is given up.
-const SHUTDOWN_PATIENCE: Duration = Duration::from_secs(2);
+const SHUTDOWN_PATIENCE: Duration = Duration::from_millis(1200);
 
 /// How long the middleware gets to send that the node is gone. Without it some peers keep the node for their lease, 20 to 50 s.
 const FAREWELL: Duration = Duration::from_millis(150);
@@ -39,19 +41,19 @@ const FAREWELL: Duration = Duration::from_millis(150);
 /// unseen there for good. Without the wait a node that started beside a running rclpy was lost in 15 of 30 starts on a busy machine, with 0.3 s in none of 60.
 const INTRODUCTION: Duration = Duration::from_millis(500);
 
-/// Signals within this time are one wish to end.
-const SAME_WISH: Duration = Duration::from_secs(1);
+/// How often the threads that run callbacks show that they do.
+const WORKERS_PERIOD: Duration = Duration::from_millis(5);
 
 /// Asked to stop: by SIGINT, SIGTERM or the program itself. Clones share one state.
 #[derive(Clone, Debug)]
 pub struct Stop {
     sender: Arc<watch::Sender<bool>>,
-    suspended: Arc<AtomicBool>,
+    health: Health,
 }
 
 impl Stop {
-    fn new() -> Self {
-        Stop { sender: Arc::new(watch::Sender::new(false)), suspended: Arc::default() }
+    fn new(health: Health) -> Self {
+        Stop { sender: Arc::new(watch::Sender::new(false)), health }
     }
 
     /// Asks everyone to stop.
@@ -65,12 +67,17 @@ impl Stop {
         *self.sender.borrow()
     }
 
-    /// Whether the process itself was stopped (SIGSTOP, Ctrl-Z) and went on. The middleware's threads do not outlive that (their
-    /// interrupted wait is an error to them), so the node would be deaf from then on; it is asked to stop instead, and a program
-    /// ends with an error then, for a supervisor to start it anew.
+    /// Why the node ends against its will, if it does: a thread panicked or stands still, or the process itself was stopped (SIGSTOP,
+    /// Ctrl-Z) and went on, which its connections do not outlive. A program ends with an error then, for a supervisor to start it anew.
     #[must_use]
-    pub fn was_suspended(&self) -> bool {
-        self.suspended.load(Ordering::SeqCst)
+    pub fn failure(&self) -> Option<String> {
+        self.health.failure()
+    }
+
+    /// Whether the node's threads live.
+    #[must_use]
+    pub fn health(&self) -> Health {
+        self.health.clone()
     }
 
     /// Waits until it is asked.
@@ -90,6 +97,8 @@ pub(crate) struct Core {
     remaps: Vec<names::Remap>,
     context: Mutex<Option<Context>>,
     pub(crate) matches: Matches,
+    /// Who wants to know of publishers that are gone.
+    departures: Mutex<Vec<UnboundedSender<Departure>>>,
 }
 
 impl Core {
@@ -129,6 +138,12 @@ impl Core {
         on_topic.map(|writer| writer.writer_proxy.remote_writer_guid).collect()
     }
 
+    /// Tells every subscription that a publisher, or a whole participant, is gone.
+    pub(crate) fn note_departure(&self, departure: Departure) {
+        let mut departures = self.departures.lock().unwrap_or_else(PoisonError::into_inner);
+        departures.retain(|subscription| subscription.send(departure).is_ok());
+    }
+
     fn full_name(&self, name: &str, subject: Subject) -> Result<String, RosError> {
         names::resolve(name, subject, &self.namespace, &self.name, &self.remaps)
     }
@@ -153,12 +168,15 @@ pub struct Node {
     closers: Mutex<Vec<Box<dyn FnOnce() + Send>>>,
     stop: Stop,
     clock: Clock,
+    /// Dropped last: until then the process ends in time, whatever hangs. A part has none.
+    guard: Option<watchdog::Guard>,
 }
 
 impl Node {
     /// Starts a node with a default name and the namespace `/`; the command line may change both.
-    /// Also installs the log subscriber (standard error and `/rosout`), the handlers of SIGINT and SIGTERM (a second one, a second
-    /// later or more, ends the process at once), the parameter services and, with `use_sim_time`, the clock.
+    /// Also installs the log subscriber (standard error and `/rosout`), the handlers of SIGINT and SIGTERM (the process ends within 2 s
+    /// whatever hangs; a second one, a second later or more, ends it at once), the watch over its threads, the parameter services and,
+    /// with `use_sim_time`, the clock.
     ///
     /// # Errors
     /// Wrong names or parameters, or when the middleware cannot start (no network interface, no free port).
@@ -177,13 +195,14 @@ impl Node {
             .map_err(|error| create(error.to_string()))?;
 
         // First of all: from the moment that others see anything of the node they may ask it to end.
-        let stop = Stop::new();
-        watch_signals(runtime.handle(), &stop)?;
+        let stop = Stop::new(Health::new(arguments.supervised));
+        let guard = watchdog::start(&stop)?;
         let mut builder = DomainParticipantBuilder::new(arguments.domain_id);
         if arguments.range == DiscoveryRange::Localhost {
             builder = builder.with_only_networks([Ipv4Addr::LOCALHOST]);
         }
         let participant = builder.build().map_err(|error| create(error.to_string()))?;
+        stop.health.set_loops(participant.loop_watches());
         std::thread::sleep(INTRODUCTION);
         let context = Context::from_domain_participant(participant).map_err(|error| create(error.to_string()))?;
         let node_name = NodeName::new(&namespace, &name).map_err(|error| create(error.to_string()))?;
@@ -200,6 +219,7 @@ impl Node {
             remaps: arguments.remaps.clone(),
             context: Mutex::new(Some(context)),
             matches: Matches::default(),
+            departures: Mutex::default(),
         });
         let (changes, mut changed) = tokio::sync::mpsc::unbounded_channel();
         let store = Arc::new(Store::new(full_name.clone(), &arguments.overrides, move |change| {
@@ -214,7 +234,12 @@ impl Node {
             closers: Mutex::default(),
             stop,
             clock: Clock::default(),
+            guard: Some(guard),
         };
+        let workers = node.stop.health.workers();
+        node.every(WORKERS_PERIOD, move || {
+            workers.fetch_add(1, Ordering::Relaxed);
+        });
         // In place of the middleware's own task, which also follows other nodes' descriptions (and keeps them for ever) and reads
         // /clock as another type.
         node.spawn(Matches::follow(Arc::clone(&node.core), listener));
@@ -332,6 +357,21 @@ impl Node {
         qos: Qos,
         mut callback: impl FnMut(M) + Send + 'static,
     ) -> Result<(), RosError> {
+        self.subscribe_from(topic, qos, move |_, message| callback(message), |_| {})
+    }
+
+    /// As [`Node::subscribe`], with each message's publisher, and told of every publisher (of any topic) that is gone. A publisher's messages
+    /// come before its departure.
+    ///
+    /// # Errors
+    /// A wrong name, or the middleware's reason.
+    pub fn subscribe_from<M: Message>(
+        &self,
+        topic: &str,
+        qos: Qos,
+        mut callback: impl FnMut(PublisherId, M) + Send + 'static,
+        mut left: impl FnMut(Departure) + Send + 'static,
+    ) -> Result<(), RosError> {
         let full = self.core.full_name(topic, Subject::Topic)?;
         let create = |reason: String| RosError::Create { what: format!("subscription to {full}"), reason };
         let name = dds_name(&full)?;
@@ -346,37 +386,45 @@ impl Node {
             .ok_or_else(|| self.shut_down(&full))?
             .map_err(|error| create(error.to_string()))?;
         let core = Arc::clone(&self.core);
+        let (sender, mut departures) = tokio::sync::mpsc::unbounded_channel();
+        core.departures.lock().unwrap_or_else(PoisonError::into_inner).push(sender);
         self.spawn(async move {
             let mut known = HashMap::new();
             let mut undecoded = Occasionally::default();
             let mut messages = Box::pin(subscription.async_stream());
-            while let Some(received) = messages.next().await {
+            loop {
+                let received = tokio::select! {
+                    // What a publisher said comes before its leave.
+                    biased;
+                    received = messages.next() => received,
+                    Some(departure) = departures.recv() => {
+                        known.retain(|publisher, _| !departure.covers(*publisher));
+                        left(departure);
+                        continue;
+                    }
+                };
                 match received {
-                    Ok((message, info)) => {
-                        let publisher = info.publisher_gid();
-                        let right = match known.get(&publisher) {
-                            Some(right) => *right,
-                            None => match core.announced_type(publisher) {
-                                // Not known yet: take it, and ask again at its next message.
-                                None => true,
-                                Some(announced) => {
-                                    let right = announced == expected;
-                                    if !right {
-                                        tracing::warn!(
-                                            "topic {full}: a publisher sends {announced}, expected {expected}: its messages are \
-                                             dropped"
-                                        );
-                                    }
-                                    known.insert(publisher, right);
-                                    right
-                                }
-                            },
-                        };
+                    None => return,
+                    Some(Ok((message, info))) => {
+                        let gid = info.publisher_gid();
+                        let publisher = PublisherId::from(gid);
+                        let right = known.get(&publisher).copied().unwrap_or_else(|| {
+                            // Not known yet: take it, and ask again at its next message.
+                            let Some(announced) = core.announced_type(gid) else { return true };
+                            let right = announced == expected;
+                            if !right {
+                                tracing::warn!(
+                                    "topic {full}: a publisher sends {announced}, expected {expected}: its messages are dropped"
+                                );
+                            }
+                            known.insert(publisher, right);
+                            right
+                        });
                         if right {
-                            callback(message);
+                            callback(publisher, message);
                         }
                     }
-                    Err(error) => {
+                    Some(Err(error)) => {
                         if let Some(count) = undecoded.now() {
                             tracing::warn!("topic {full}: {count} messages could not be read, the last: {error}");
                         }
@@ -551,6 +599,7 @@ impl Node {
             closers: Mutex::default(),
             stop: self.stop.clone(),
             clock: self.clock.clone(),
+            guard: None,
         }
     }
 
@@ -620,6 +669,7 @@ impl Node {
         });
         drop(self.core.context.lock().unwrap_or_else(PoisonError::into_inner).take());
         runtime.shutdown_timeout(deadline.saturating_duration_since(Instant::now()));
+        drop(self.guard.take());
     }
 
     /// Takes a part's endpoints away. Waits without the runtime: the last holder of a part may be one of the runtime's own tasks.
@@ -679,46 +729,6 @@ impl Node {
         });
         Ok(())
     }
-}
-
-/// Lets SIGINT and SIGTERM ask for the end; a second one, [`SAME_WISH`] later or more, ends the process at once.
-fn watch_signals(handle: &Handle, stop: &Stop) -> Result<(), RosError> {
-    use tokio::signal::unix::{SignalKind, signal};
-    let _guard = handle.enter();
-    let listen = |kind| {
-        signal(kind).map_err(|error| RosError::Create { what: "signal handler".to_string(), reason: error.to_string() })
-    };
-    let mut interrupt = listen(SignalKind::interrupt())?;
-    let mut terminate = listen(SignalKind::terminate())?;
-    let mut goes_on = listen(SignalKind::from_raw(libc::SIGCONT))?;
-    let stop = stop.clone();
-    let mut asked: Option<Instant> = None;
-    // Not one of the tasks that the end aborts: a second signal must work while the node shuts down.
-    handle.spawn(async move {
-        loop {
-            tokio::select! {
-                _ = interrupt.recv() => {}
-                _ = terminate.recv() => {}
-                _ = goes_on.recv() => {
-                    tracing::error!(
-                        "this process was stopped (SIGSTOP or Ctrl-Z) and goes on; its connections did not outlive that, so it ends: start it again"
-                    );
-                    stop.suspended.store(true, Ordering::SeqCst);
-                    stop.request();
-                    continue;
-                }
-            }
-            match asked {
-                None => asked = Some(Instant::now()),
-                // The same wish twice: a terminal tells the whole group, and a launch system tells its nodes once more.
-                Some(first) if first.elapsed() < SAME_WISH => {}
-                // The shell's number for a process ended by SIGINT.
-                Some(_) => std::process::exit(130),
-            }
-            stop.request();
-        }
-    });
-    Ok(())
 }
 
 impl Drop for Node {

@@ -8,6 +8,7 @@ mod report;
 mod robots;
 mod show;
 mod simulate;
+mod stop_button;
 mod walk;
 
 use clap::{Parser, Subcommand};
@@ -37,6 +38,7 @@ enum Command {
     Report(report::Arguments),
     Show(show::Arguments),
     Doctor(doctor::Arguments),
+    StopButton(stop_button::Arguments),
 }
 
 fn main() -> ExitCode {
@@ -50,6 +52,7 @@ fn main() -> ExitCode {
         Command::Report(a) => report::run(&a),
         Command::Show(a) => show::run(&a),
         Command::Doctor(a) => doctor::run(&a),
+        Command::StopButton(a) => stop_button::run(&a),
     };
     match result {
         Ok(code) => code,

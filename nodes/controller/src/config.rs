@@ -39,6 +39,8 @@ pub struct Parameters {
     pub joint_states_every: u64,
     /// Longest silence of the emergency stop's topic.
     pub heartbeat: Option<Duration>,
+    /// Longest silence of the middleware's threads; none in lockstep.
+    pub middleware_timeout: Option<Duration>,
     /// Start on the gait as soon as there is one: the robot is simulated and put there.
     pub start_on_gait: bool,
     /// Every run is recorded into a new folder in this one.
@@ -195,6 +197,13 @@ impl Parameters {
         )?;
         let lockstep = mode == "lockstep";
         let on_bus = backend == "can";
+        let middleware_timeout_s = number(
+            "middleware_timeout_s",
+            if on_bus { 0.013 } else { 0.1 },
+            0.006,
+            1.0,
+            "In realtime, damping and the end of the process when a thread through which the stop is heard stands still for so long, s. Default 0.1; with backend can 0.013.",
+        )?;
         if lockstep && on_bus {
             return Err(RosError::Parameter {
                 name: "mode".into(),
@@ -231,6 +240,7 @@ impl Parameters {
             joint_states_every: (1.0 / (joint_states_rate_hz * period_s)).round().max(1.0) as u64,
             state_every: (1.0 / (state_rate_hz * period_s)).round().max(1.0) as u64,
             heartbeat: (heartbeat_s > 0.0).then(|| Duration::from_secs_f64(heartbeat_s)),
+            middleware_timeout: (!lockstep).then(|| Duration::from_secs_f64(middleware_timeout_s)),
             start_on_gait,
             record_folder: (!record_folder.is_empty()).then(|| record_folder.into()),
             split_bytes: (split_mb > 0.0).then_some((split_mb * 1e6) as u64),

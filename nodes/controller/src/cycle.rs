@@ -1,6 +1,7 @@
 //! The control thread: read, step, write. Between its start and its end it takes no lock, allocates nothing, and logs nothing.
 
 use crate::dds_bus::DdsBus;
+use crate::emergency_stop::EmergencyStop;
 use crate::tape::Tape;
 use control::{
     Controller, Fault, FaultReport, GaitName, Input, JOINTS, JointState, MAX_REQUESTS, Output, PreparedGait, Request,
@@ -8,9 +9,10 @@ use control::{
 };
 use joint_bus::{BusHealth, JointBus, Readings};
 use realtime::{Histogram, Periodic, RealtimeRequest, Warning, monotonic_now};
+use ros::{Health, Pulse, Silence};
 use rtrb::{Consumer, Producer};
 use std::sync::Arc;
-use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
+use std::sync::atomic::{AtomicBool, Ordering};
 use std::thread::Thread;
 use std::time::Duration;
 
@@ -64,60 +66,47 @@ pub struct Timing {
     pub recent_compute: [Duration; 3],
 }
 
-/// The emergency stop's level. Pressed by the service, by the topic, by the topic's silence, or because the node is not active.
-#[derive(Debug, Default)]
-pub struct EmergencyStop {
-    inactive: AtomicBool,
-    service: AtomicBool,
-    topic: AtomicBool,
-    /// Monotonic time of the last message on the topic, ns.
-    heard_ns: AtomicU64,
-    /// Longest silence, ns; 0: silence means nothing.
-    heartbeat_ns: u64,
-}
-
-impl EmergencyStop {
-    /// Released. With a heartbeat, pressed until the topic is heard.
-    pub fn new(heartbeat: Option<Duration>) -> Self {
-        Self { heartbeat_ns: heartbeat.map_or(0, |d| d.as_nanos() as u64), ..Self::default() }
-    }
-
-    /// The node became active, or is no longer.
-    pub fn set_active(&self, active: bool) {
-        self.inactive.store(!active, Ordering::Release);
-    }
-
-    /// Whether the node is active.
-    pub fn is_active(&self) -> bool {
-        !self.inactive.load(Ordering::Acquire)
-    }
-
-    /// The service was called.
-    pub fn set_by_service(&self, pressed: bool) {
-        self.service.store(pressed, Ordering::Release);
-    }
-
-    /// The topic was heard.
-    pub fn set_by_topic(&self, pressed: bool, wall: Duration) {
-        self.topic.store(pressed, Ordering::Release);
-        self.heard_ns.store(wall.as_nanos() as u64, Ordering::Release);
-    }
-
-    fn is_pressed(&self, wall: Duration) -> bool {
-        let silent = self.heartbeat_ns > 0 && {
-            let heard = self.heard_ns.load(Ordering::Acquire);
-            heard == 0 || (wall.as_nanos() as u64).saturating_sub(heard) > self.heartbeat_ns
-        };
-        !self.is_active() || self.service.load(Ordering::Acquire) || self.topic.load(Ordering::Acquire) || silent
-    }
-}
-
 /// An attitude older than this says nothing about now.
 const TILT_MEMORY: Duration = Duration::from_millis(200);
 /// Cycles between two reports on timing.
 const TIMING_EVERY: u64 = 1000;
 /// Lockstep looks at the end of the program this often.
 const LOCKSTEP_PATIENCE: Duration = Duration::from_millis(20);
+
+/// The cycle's eye on the threads through which it is told to stop. It watches them itself, so that nothing else has to run for the robot to
+/// be damped when they do not.
+pub struct Middleware {
+    /// The node's.
+    pub health: Health,
+    /// Longest silence of the middleware's threads; none in lockstep, where the node's own watch has to do.
+    pub timeout: Option<Duration>,
+    /// This thread's own sign of life.
+    pub pulse: Pulse,
+    silence: Silence<2>,
+}
+
+impl Middleware {
+    /// Nothing has failed. `period` is the cycle's.
+    pub fn new(health: Health, timeout: Option<Duration>, period: Duration) -> Self {
+        let pulse = health.watch();
+        // What the cycle itself came late by is not the others' silence.
+        Self { health, timeout, pulse, silence: Silence::new(2 * period) }
+    }
+
+    /// Whether the stop may not be heard any more. Wait-free.
+    fn has_failed(&mut self, wall: Duration) -> bool {
+        self.pulse.beat();
+        if let Some(timeout) = self.timeout {
+            let [event_loop, workers] = self.silence.look(self.health.turns(), wall);
+            if event_loop > timeout {
+                self.health.fail(ros::Thread::EventLoop);
+            } else if workers > timeout {
+                self.health.fail(ros::Thread::Workers);
+            }
+        }
+        self.health.has_failed()
+    }
+}
 
 /// The cycle's ends of the buffers, and what it runs.
 pub struct Cycle {
@@ -133,6 +122,8 @@ pub struct Cycle {
     pub emergency_stop: Arc<EmergencyStop>,
     /// Whether another program commands the robot over topics.
     pub second_controller: Arc<AtomicBool>,
+    /// Whether the middleware lives.
+    pub middleware: Middleware,
     /// The end of the program.
     pub stop: Arc<AtomicBool>,
     /// Outputs out.
@@ -176,7 +167,8 @@ impl Cycle {
             tilt,
             requests: &requests[..count],
             gait: gait.as_ref(),
-            emergency_stop: stop || self.emergency_stop.is_pressed(wall),
+            // Each is asked: a press that one cycle has seen is not kept for the next.
+            emergency_stop: self.emergency_stop.is_pressed(wall) | self.middleware.has_failed(wall) | stop,
             fault: measured.fault.or_else(|| self.second_controller()),
         };
         self.tape.begin_cycle(&self.controller);
@@ -282,6 +274,7 @@ impl Cycle {
                 return;
             }
             if idle {
+                self.middleware.pulse.beat();
                 std::thread::park_timeout(LOCKSTEP_PATIENCE);
             }
         }
@@ -349,29 +342,5 @@ mod tests {
         durations.record(Duration::from_millis(1));
         let (all, recent) = durations.report();
         assert_eq!((all[2], recent), (slow[0], [Duration::from_millis(1); 3]));
-    }
-
-    #[test]
-    fn the_emergency_stop_is_pressed_by_any_of_its_ways() {
-        let wall = Duration::from_secs(100);
-        let stop = EmergencyStop::new(None);
-        assert!(!stop.is_pressed(wall));
-        stop.set_by_service(true);
-        assert!(stop.is_pressed(wall));
-        stop.set_by_service(false);
-        stop.set_by_topic(true, wall);
-        assert!(stop.is_pressed(wall));
-        stop.set_by_topic(false, wall);
-        assert!(!stop.is_pressed(wall + Duration::from_secs(1000)));
-        stop.set_active(false);
-        assert!(stop.is_pressed(wall));
-        stop.set_active(true);
-        assert!(!stop.is_pressed(wall));
-
-        let stop = EmergencyStop::new(Some(Duration::from_millis(500)));
-        assert!(stop.is_pressed(wall), "not heard yet");
-        stop.set_by_topic(false, wall);
-        assert!(!stop.is_pressed(wall + Duration::from_millis(400)));
-        assert!(stop.is_pressed(wall + Duration::from_millis(600)), "silent");
     }
 }

@@ -1,7 +1,8 @@
 //! Callbacks and services: turn messages into values, refuse what is wrong with them, put the rest into the cycle's buffers.
 
-use crate::cycle::{Asked, EmergencyStop, TimedTilt};
+use crate::cycle::{Asked, TimedTilt};
 use crate::dds_bus::{self, StateMessage};
+use crate::emergency_stop::{EmergencyStop, PUBLISHERS};
 use crate::inputs::{InputProblems, Topic};
 use crate::ports;
 use crate::tape::{self, Recording};
@@ -23,6 +24,9 @@ use tandem_msgs::{
 
 /// How long a service waits for the cycle. In lockstep time may stand still; the request is then applied when it goes on.
 const PATIENCE: Duration = Duration::from_millis(300);
+
+/// Presses and releases that may come at once without one being dropped.
+const EMERGENCY_STOP_DEPTH: usize = 100;
 
 type Reply = Result<Mode, Refusal>;
 
@@ -209,12 +213,21 @@ impl Desk {
             }
         })?;
         let stop = Arc::clone(&self.emergency_stop);
-        node.subscribe("emergency_stop", Qos::reliable(1), move |message: std_msgs::Bool| {
-            stop.set_by_topic(message.data, monotonic_now());
-        })?;
+        let leaving = Arc::clone(&self.emergency_stop);
+        let mut warned = false;
+        node.subscribe_from(
+            "emergency_stop",
+            Qos::reliable(EMERGENCY_STOP_DEPTH),
+            move |publisher, message: std_msgs::Bool| {
+                if !stop.heard(publisher, message.data, monotonic_now()) && !std::mem::replace(&mut warned, true) {
+                    tracing::error!("emergency_stop has more than {PUBLISHERS} publishers: that counts as pressed");
+                }
+            },
+            move |departure| leaving.left(departure),
+        )?;
         let stop = Arc::clone(&self.emergency_stop);
         node.serve::<SetBool>("emergency_stop", move |request| {
-            stop.set_by_service(request.data);
+            stop.set_by_service(request.data, monotonic_now());
             let message = if request.data { "pressed: the robot is damped" } else { "released; it stays damped" };
             SetBoolResponse { success: true, message: message.into() }
         })?;

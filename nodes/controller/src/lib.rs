@@ -19,6 +19,7 @@ pub mod config;
 pub mod cycle;
 pub mod dds_bus;
 pub mod desk;
+pub mod emergency_stop;
 pub mod inputs;
 pub mod ports;
 pub mod press;

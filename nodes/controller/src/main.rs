@@ -27,8 +27,8 @@ fn run() -> anyhow::Result<()> {
     lifecycle.start()?;
     let stop = node.stop();
     let ended = node.run_managed(&lifecycle);
-    if stop.was_suspended() {
-        anyhow::bail!("the process had been stopped and went on; it comes back disarmed when it is started again");
+    if let Some(failure) = stop.failure() {
+        anyhow::bail!("it comes back disarmed when it is started again: {failure}");
     }
     ended?;
     Ok(())

@@ -8,7 +8,7 @@ use crate::ports;
 use crate::tape::{self, Recording};
 use control::{DampingReason, Fault, FaultReport, JOINTS, Mode};
 use realtime::monotonic_now;
-use ros::{Clock, Node, PublishError, Publisher, Qos, RosError, Stop};
+use ros::{Clock, Node, PublishError, Publisher, Pulse, Qos, RosError, Stop};
 use rtrb::Consumer;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -43,6 +43,8 @@ pub struct Press {
     publish_failures: u64,
     recording: Arc<Recording>,
     problems: Arc<InputProblems>,
+    /// A press that hangs sends no commands and no states.
+    pulse: Pulse,
 }
 
 /// What was said last, to tell what is new.
@@ -77,12 +79,14 @@ impl Press {
             publish_failures: 0,
             recording,
             problems,
+            pulse: node.stop().health().watch(),
         })
     }
 
     /// Publishes until `cycle_ended`, and everything that was said until then.
     pub fn run(mut self, mut said: Consumer<Said>, desk: &Desk, cycle_ended: &AtomicBool) {
         loop {
+            self.pulse.beat();
             let ended = cycle_ended.load(Ordering::Acquire);
             self.speak();
             while let Ok(said) = said.pop() {

@@ -2,9 +2,10 @@
 //! under the emergency stop; active, requests are granted. Activating arms nothing. Deactivating lets a walk come to rest first.
 
 use crate::config::{Pace, Parameters};
-use crate::cycle::{Cycle, EmergencyStop};
+use crate::cycle::{Cycle, Middleware};
 use crate::dds_bus::{COMMANDS, CycleClock, DEPTH, DdsBus, Speaker};
 use crate::desk::{Desk, Sensors};
+use crate::emergency_stop::EmergencyStop;
 use crate::inputs::InputProblems;
 use crate::press::{self, Press, PressRoom};
 use crate::tape::{self, Recording, Subject};
@@ -65,6 +66,9 @@ fn watch_for_another(node: &Node) -> Arc<AtomicBool> {
     });
     found
 }
+
+/// SCHED_FIFO priority of the threads through which the stop is heard, where the control thread has one.
+const MIDDLEWARE_PRIORITY: u8 = 10;
 
 /// How long a bus is listened to before the first frame: ten periods of the slowest controller.
 const LISTEN_FIRST: Duration = Duration::from_millis(200);
@@ -222,6 +226,7 @@ impl Work {
             gaits,
             emergency_stop: Arc::clone(&emergency_stop),
             second_controller: if on_bus { Arc::default() } else { watch_for_another(&node) },
+            middleware: Middleware::new(node.stop().health(), parameters.middleware_timeout, parameters.period),
             tape,
             stop: Arc::clone(&stop),
             said: said_in,
@@ -251,6 +256,13 @@ impl Work {
         })?;
         for warning in warnings.recv().unwrap_or_default() {
             tracing::warn!("{warning}");
+        }
+        // The stop is heard through these; below the control thread, and beside everything else that the machine does.
+        if let Some(priority) = realtime.priority.filter(|_| !lockstep).map(|own| MIDDLEWARE_PRIORITY.min(own - 1))
+            && priority > 0
+            && let Err(warning) = realtime::raise_threads(&ros::THREADS, priority)
+        {
+            tracing::warn!("the middleware's threads: {warning}");
         }
         let wake = lockstep.then(|| control.thread().clone());
         // On a bus the cycle reads the drives itself and joint_states is what it publishes.

@@ -28,8 +28,8 @@ fn run() -> anyhow::Result<()> {
     lifecycle.start()?;
     let stop = node.stop();
     let ended = node.run_managed(&lifecycle);
-    if stop.was_suspended() {
-        anyhow::bail!("the process had been stopped and went on; start it again");
+    if let Some(failure) = stop.failure() {
+        anyhow::bail!("{failure}");
     }
     ended?;
     Ok(())
