@@ -39,6 +39,7 @@
 //! - Nothing is written over: a recording starts in a folder that does not hold a bag.
 
 mod cursor;
+mod data_file;
 mod decode;
 mod definition;
 mod error;

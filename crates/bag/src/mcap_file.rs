@@ -10,6 +10,7 @@ use std::os::unix::fs::FileExt;
 use std::path::{Path, PathBuf};
 
 use crate::cursor::Cursor;
+use crate::data_file::DataFile;
 use crate::read::Message;
 use crate::{BagError, Qos};
 
@@ -91,8 +92,9 @@ impl McapFile {
     ///
     /// # Errors
     /// [`BagError::Io`]; [`BagError::BadFile`] if this is not an MCAP file at all.
-    pub(crate) fn scan(path: &Path) -> Result<McapFile, BagError> {
-        let file = File::open(path).map_err(BagError::io(path, "open"))?;
+    pub(crate) fn scan(data: &DataFile) -> Result<McapFile, BagError> {
+        let path = data.shown.as_path();
+        let file = File::open(&data.readable).map_err(BagError::io(path, "open"))?;
         let size = file.metadata().map_err(BagError::io(path, "look at"))?.len();
         let mut magic = [0; 8];
         if size == 0 {

@@ -8,6 +8,7 @@ use std::sync::Arc;
 use serde::Deserialize;
 use serde::de::DeserializeOwned;
 
+use crate::data_file::{DataFile, inner_name, is_data_name};
 use crate::mcap_file::{Channel, McapFile, Ordered};
 use crate::sqlite_file::SqliteFile;
 use crate::{BagError, Definition, Qos, full_definition, metadata};
@@ -67,7 +68,7 @@ enum MessageCompression {
 #[derive(Debug)]
 enum Storage {
     Mcap(Arc<McapFile>),
-    Sqlite(PathBuf),
+    Sqlite(DataFile),
 }
 
 /// A bag that was read through once and found whole.
@@ -79,6 +80,7 @@ pub struct Bag {
     topics: Vec<BagTopic>,
     span_ns: Option<(u64, u64)>,
     bytes: u64,
+    notes: Vec<String>,
 }
 
 #[derive(Deserialize)]
@@ -127,15 +129,27 @@ impl Bag {
         if attributes.is_dir() { Bag::open_folder(path) } else { Bag::open_files(path, &[path.to_owned()], None) }
     }
 
+    /// sqlite3 files are whole after a crash, so what is there is the bag; MCAP files must be looked at by recover.
+    fn open_without_metadata(folder: &Path) -> Result<Bag, BagError> {
+        let files = data_files(folder)?;
+        if files.is_empty() {
+            let hint = "there is no metadata.yaml and no .mcap or .db3 file in this folder; expected a bag";
+            return Err(BagError::bad_file(folder, hint));
+        }
+        if !files.iter().all(|file| inner_name(file).extension().is_some_and(|extension| extension == "db3")) {
+            let hint = "there is no metadata.yaml in this folder: its recording was not finished; run 'tandem bag recover' on it";
+            return Err(BagError::bad_file(folder, hint));
+        }
+        let mut bag = Bag::open_files(folder, &files, None)?;
+        let count = files.len();
+        bag.notes.push(format!("there is no metadata.yaml; read what is there: {count} .db3 file(s)"));
+        Ok(bag)
+    }
+
     fn open_folder(folder: &Path) -> Result<Bag, BagError> {
         let yaml = folder.join(metadata::FILE_NAME);
         if !yaml.exists() {
-            let hint = if data_files(folder)?.is_empty() {
-                "there is no metadata.yaml and no .mcap or .db3 file in this folder; expected a bag"
-            } else {
-                "there is no metadata.yaml in this folder: its recording was not finished; run 'tandem bag recover' on it"
-            };
-            return Err(BagError::bad_file(folder, hint));
+            return Bag::open_without_metadata(folder);
         }
         let text = std::fs::read_to_string(&yaml).map_err(BagError::io(&yaml, "read"))?;
         let document: MetadataDocument = serde_yaml_ng::from_str(&text)
@@ -145,7 +159,8 @@ impl Bag {
             let reason = format!("metadata of version {}; expected 1 to 9", information.version);
             return Err(BagError::bad_file(&yaml, reason));
         }
-        if !matches!(information.storage_identifier.as_str(), "mcap" | "sqlite3") {
+        // 'ros2 bag reindex' leaves the identifier empty; the files say what they are.
+        if !matches!(information.storage_identifier.as_str(), "" | "mcap" | "sqlite3") {
             let reason = format!("storage '{}'; expected mcap or sqlite3", information.storage_identifier);
             return Err(BagError::bad_file(&yaml, reason));
         }
@@ -153,8 +168,7 @@ impl Bag {
         for name in &information.relative_file_paths {
             // Older rosbag2 wrote the folder's name in front.
             let direct = folder.join(name);
-            let file =
-                if direct.exists() { direct } else { folder.join(Path::new(name).file_name().unwrap_or_default()) };
+            let file = if direct.exists() { direct } else { listed_file(folder, name) };
             if !file.starts_with(folder) || Path::new(name).components().any(|part| part.as_os_str() == "..") {
                 return Err(BagError::bad_file(
                     &yaml,
@@ -177,27 +191,31 @@ impl Bag {
             topics: Vec::new(),
             span_ns: None,
             bytes: 0,
+            notes: Vec::new(),
         };
         if let Some(information) = &information {
             let format = information.compression_format.as_str();
             bag.compression = match information.compression_mode.to_ascii_lowercase().as_str() {
                 "message" if format == "zstd" => MessageCompression::Zstd,
+                // A file that is compressed as a whole is known by its first bytes.
+                "file" if format == "zstd" => MessageCompression::None,
                 "" | "none" | "storage" => MessageCompression::None,
-                "file" => {
-                    let reason = "its files are compressed as a whole; decompress them first (zstd -d) and remove \
-                                  compression_mode from metadata.yaml";
-                    return Err(BagError::bad_file(path, reason));
-                }
                 other => {
-                    let reason = format!(
-                        "compression '{other}' with '{format}'; expected message compression with zstd, or none"
-                    );
+                    let reason =
+                        format!("compression '{other}' with '{format}'; expected zstd of files or messages, or none");
                     return Err(BagError::bad_file(path, reason));
                 }
             };
         }
+        let split = files.len() > 1;
         for file in files {
-            bag.add_file(file)?;
+            match absent(file).filter(|_| split) {
+                Some(what) => bag.notes.push(format!("{}: {what}; read the other parts", file.display())),
+                None => bag.add_file(file)?,
+            }
+        }
+        if bag.storage.is_empty() {
+            return Err(BagError::bad_file(path, "every part of this bag is missing or empty"));
         }
         for topic in &mut bag.topics {
             if topic.definition.is_none() && topic.encoding == "cdr" {
@@ -213,11 +231,12 @@ impl Bag {
 
     fn add_file(&mut self, path: &Path) -> Result<(), BagError> {
         self.bytes += std::fs::metadata(path).map_err(BagError::io(path, "open"))?.len();
-        let (storage, channels, span_ns) = if path.extension().is_some_and(|extension| extension == "db3") {
-            let file = SqliteFile::open(path)?;
-            (Storage::Sqlite(path.to_owned()), file.channels, file.span_ns)
+        let data = DataFile::open(path)?;
+        let (storage, channels, span_ns) = if data.sqlite.is_some() {
+            let file = SqliteFile::open(&data)?;
+            (Storage::Sqlite(data), file.channels, file.span_ns)
         } else {
-            let file = McapFile::scan(path)?;
+            let file = McapFile::scan(&data)?;
             if let Some(damage) = file.damage.first() {
                 let more = file.damage.len() - 1;
                 let more = if more > 0 { format!(" (and {more} more)") } else { String::new() };
@@ -275,6 +294,11 @@ impl Bag {
         &self.path
     }
 
+    /// One line for each thing that the bag should have and has not, though it was read: metadata, a part.
+    pub fn notes(&self) -> &[String] {
+        &self.notes
+    }
+
     /// All topics, also those without a message.
     pub fn topics(&self) -> &[BagTopic] {
         &self.topics
@@ -322,8 +346,8 @@ impl Bag {
         for storage in &self.storage {
             let (source, channels) = match storage {
                 Storage::Mcap(file) => (Source::Mcap(file.ordered()), file.channels.clone()),
-                Storage::Sqlite(path) => {
-                    let file = SqliteFile::open(path)?;
+                Storage::Sqlite(data) => {
+                    let file = SqliteFile::open(data)?;
                     let channels = file.channels.clone();
                     (Source::Sqlite(Box::new(file)), channels)
                 }
@@ -420,12 +444,30 @@ fn unpack(data: &[u8]) -> Result<Vec<u8>, String> {
     Ok(bytes)
 }
 
+/// The file that metadata calls `name`: at the folder's top, packed or unpacked since.
+fn listed_file(folder: &Path, name: &str) -> PathBuf {
+    let plain = folder.join(Path::new(name).file_name().unwrap_or_default());
+    let mut packed = plain.as_os_str().to_owned();
+    packed.push(".zstd");
+    let candidates = [inner_name(&plain), PathBuf::from(packed)];
+    if plain.exists() { plain } else { candidates.into_iter().find(|file| file.exists()).unwrap_or(plain) }
+}
+
+/// Why a part of a split bag holds nothing, if it does not.
+fn absent(file: &Path) -> Option<&'static str> {
+    match std::fs::metadata(file) {
+        Err(error) if error.kind() == std::io::ErrorKind::NotFound => Some("this part is missing"),
+        Ok(found) if found.len() == 0 => Some("this part is empty"),
+        _ => None,
+    }
+}
+
 /// The `.mcap` and `.db3` files of a folder, in the order of the numbers at the end of their names.
 pub(crate) fn data_files(folder: &Path) -> Result<Vec<PathBuf>, BagError> {
     let mut files = Vec::new();
     for entry in std::fs::read_dir(folder).map_err(BagError::io(folder, "list"))? {
         let path = entry.map_err(BagError::io(folder, "list"))?.path();
-        if path.extension().is_some_and(|extension| extension == "mcap" || extension == "db3") {
+        if is_data_name(&path) {
             files.push(path);
         }
     }

@@ -3,6 +3,7 @@
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
+use crate::data_file::{DataFile, inner_name};
 use crate::mcap_file::McapFile;
 use crate::read::data_files;
 use crate::recorder::{Shared, Writer};
@@ -37,7 +38,9 @@ pub fn recover(source: impl AsRef<Path>, target: impl AsRef<Path>) -> Result<Rec
             "there is no .mcap file in this folder; expected what is left of a bag",
         ));
     }
-    if let Some(file) = files.iter().find(|file| file.extension().is_some_and(|extension| extension == "db3")) {
+    if let Some(file) =
+        files.iter().find(|file| inner_name(file).extension().is_some_and(|extension| extension == "db3"))
+    {
         return Err(BagError::bad_file(
             file,
             "only MCAP is recovered; sqlite3 has a '.recover' of its own for its files",
@@ -47,7 +50,7 @@ pub fn recover(source: impl AsRef<Path>, target: impl AsRef<Path>) -> Result<Rec
     let mut scanned = Vec::new();
     let mut refused = None;
     for path in &files {
-        match McapFile::scan(path) {
+        match DataFile::open(path).and_then(|file| McapFile::scan(&file)) {
             Ok(file) => {
                 damage.extend(
                     file.damage

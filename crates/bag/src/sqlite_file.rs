@@ -5,6 +5,7 @@ use std::path::{Path, PathBuf};
 
 use rusqlite::{Connection, OpenFlags};
 
+use crate::data_file::{DataFile, SqliteMode};
 use crate::mcap_file::Channel;
 use crate::read::Message;
 use crate::{BagError, Qos};
@@ -26,12 +27,10 @@ pub(crate) struct SqliteFile {
 }
 
 impl SqliteFile {
-    pub(crate) fn open(path: &Path) -> Result<SqliteFile, BagError> {
-        // sqlite's own message for a missing file does not say so.
-        std::fs::metadata(path).map_err(BagError::io(path, "open"))?;
+    pub(crate) fn open(file: &DataFile) -> Result<SqliteFile, BagError> {
+        let path = file.shown.as_path();
         let wrap = |error: rusqlite::Error| bad(path, &error);
-        let flags = OpenFlags::SQLITE_OPEN_READ_ONLY | OpenFlags::SQLITE_OPEN_NO_MUTEX;
-        let connection = Connection::open_with_flags(path, flags).map_err(wrap)?;
+        let connection = connect(file).map_err(wrap)?;
         let columns = columns(&connection, "topics").map_err(wrap)?;
         if columns.is_empty() {
             return Err(BagError::bad_file(
@@ -134,6 +133,36 @@ impl SqliteFile {
         }
         Ok(self.page.pop_front())
     }
+}
+
+fn connect(file: &DataFile) -> rusqlite::Result<Connection> {
+    let read = OpenFlags::SQLITE_OPEN_READ_ONLY | OpenFlags::SQLITE_OPEN_NO_MUTEX;
+    match file.sqlite {
+        Some(SqliteMode::PrivateCopy) => {
+            let write = OpenFlags::SQLITE_OPEN_READ_WRITE | OpenFlags::SQLITE_OPEN_NO_MUTEX;
+            Connection::open_with_flags(&file.readable, write)
+        }
+        Some(SqliteMode::Immutable) => {
+            Connection::open_with_flags(immutable_uri(&file.readable), read | OpenFlags::SQLITE_OPEN_URI)
+        }
+        Some(SqliteMode::ReadOnly) | None => Connection::open_with_flags(&file.readable, read),
+    }
+}
+
+/// Every byte that could mean something in a URI is escaped.
+fn immutable_uri(path: &Path) -> String {
+    use std::fmt::Write;
+    use std::os::unix::ffi::OsStrExt;
+    let absolute = std::path::absolute(path).unwrap_or_else(|_| path.to_owned());
+    let mut uri = String::from("file:");
+    for byte in absolute.as_os_str().as_bytes() {
+        if byte.is_ascii_alphanumeric() || b"/._-".contains(byte) {
+            uri.push(char::from(*byte));
+        } else {
+            write!(uri, "%{byte:02X}").expect("writing to a string cannot fail");
+        }
+    }
+    uri + "?immutable=1"
 }
 
 fn columns(connection: &Connection, table: &str) -> rusqlite::Result<Vec<String>> {
