@@ -5,6 +5,7 @@ mod doctor;
 mod library;
 mod plan;
 mod report;
+mod robot;
 mod robots;
 mod show;
 mod simulate;
@@ -36,6 +37,7 @@ enum Command {
     Bag(bag::Arguments),
     Report(report::Arguments),
     Show(show::Arguments),
+    Robot(robot::Arguments),
     Doctor(doctor::Arguments),
 }
 
@@ -49,6 +51,7 @@ fn main() -> ExitCode {
         Command::Bag(a) => bag::run(&a),
         Command::Report(a) => report::run(&a),
         Command::Show(a) => show::run(&a),
+        Command::Robot(a) => robot::run(&a),
         Command::Doctor(a) => doctor::run(&a),
     };
     match result {
