@@ -187,6 +187,7 @@ pub fn plan(
 }
 
 fn program_of(robot: &Robot, request: &GaitRequest, settings: ProgramSettings) -> Result<DecomposedProgram, PlanError> {
+    robot.check_rear_follows_front()?;
     let bipeds = BipedPair::new(robot, Pairing::diagonal(robot.mirror.joint_sign))?;
     Ok(DecomposedProgram::new(robot, bipeds, request, settings))
 }

@@ -263,8 +263,17 @@ impl DecomposedProgram {
             upper.extend_from_slice(u);
         };
         let front = self.bipeds.front_legs();
-        let joint_lower: [f64; 6] = std::array::from_fn(|j| robot.legs[front[j / 3]].position_min_rad[j % 3]);
-        let joint_upper: [f64; 6] = std::array::from_fn(|j| robot.legs[front[j / 3]].position_max_rad[j % 3]);
+        let mut joint_lower: [f64; 6] = std::array::from_fn(|j| robot.legs[front[j / 3]].position_min_rad[j % 3]);
+        let mut joint_upper: [f64; 6] = std::array::from_fn(|j| robot.legs[front[j / 3]].position_max_rad[j % 3]);
+        // The rear legs follow the front ones, within limits of their own.
+        let (rear, no_offset) = (self.bipeds.rear_legs(), self.bipeds.pairing().position(&[0.0; 12]));
+        for j in 0..6 {
+            let (leg, (source, sign)) = (&robot.legs[rear[j / 3]], self.bipeds.pairing().row(6 + j));
+            let ends =
+                [leg.position_min_rad[j % 3], leg.position_max_rad[j % 3]].map(|end| sign * (end - no_offset[6 + j]));
+            joint_lower[source - 6] = joint_lower[source - 6].max(ends[0].min(ends[1]));
+            joint_upper[source - 6] = joint_upper[source - 6].min(ends[0].max(ends[1]));
+        }
         // A polynomial between its bounds may have coefficients a little outside; hip roll has none to spare.
         let spare = [0.0, 0.3, 0.3];
         for _ in 0..COEFFICIENTS {

@@ -36,6 +36,46 @@ pub enum ModelError {
     /// The text is not XML, or not a URDF.
     #[error("URDF cannot be read: {0}: expected an XML document whose root element is <robot>")]
     NotUrdf(String),
+    /// A text where numbers are expected.
+    #[error(
+        "{owner}: {field} is \"{text}\" (line {line}): expected {count} number(s), such as 0.5, separated by spaces"
+    )]
+    NotANumber {
+        /// "link 'x'" or "joint 'x'".
+        owner: String,
+        /// Element and attribute.
+        field: String,
+        /// Line of the text, from 1.
+        line: usize,
+        /// What stands there.
+        text: String,
+        /// How many numbers are expected.
+        count: usize,
+    },
+    /// An expression of xacro that was not expanded.
+    #[error(
+        "{owner}: {field} is \"{text}\" (line {line}), an expression of xacro: expand the file first, `ros2 run xacro xacro ROBOT.urdf.xacro > ROBOT.urdf` or `python3 -m xacro …`"
+    )]
+    Xacro {
+        /// "link 'x'" or "joint 'x'".
+        owner: String,
+        /// Element and attribute.
+        field: String,
+        /// Line of the text, from 1.
+        line: usize,
+        /// What stands there.
+        text: String,
+    },
+    /// An element of xacro that was not expanded.
+    #[error(
+        "line {line} has an element <{element}>: expand the file with xacro first, `ros2 run xacro xacro ROBOT.urdf.xacro > ROBOT.urdf` or `python3 -m xacro …`"
+    )]
+    XacroElement {
+        /// Line of the text, from 1.
+        line: usize,
+        /// The element's name.
+        element: String,
+    },
     /// No link is free of a parent, or there are no links.
     #[error("URDF has no root link: expected one link that is no joint's child (links found: {links})")]
     NoRoot {
@@ -80,7 +120,7 @@ pub enum ModelError {
     },
     /// A joint type outside revolute, continuous, prismatic and fixed.
     #[error(
-        "joint '{joint}' is of type '{found}', which is not supported: expected revolute, continuous, prismatic or fixed"
+        "joint '{joint}' is of type '{found}', which is not supported: expected revolute, continuous, prismatic or fixed; a floating joint may hang from a root link without mass, and is then left out"
     )]
     UnsupportedJoint {
         /// The joint.

@@ -34,6 +34,7 @@
 
 mod data;
 mod derivatives;
+mod description;
 mod dynamics;
 mod error;
 mod forward;
@@ -41,11 +42,13 @@ mod kinematics;
 mod lanes;
 mod limbs;
 mod model;
+mod shape;
 mod spatial;
 mod urdf;
 
 pub use data::{Data, PointKinematics};
 pub use derivatives::rnea_derivatives;
+pub use description::Description;
 pub use dynamics::{bias_forces, crba, rnea};
 pub use error::ModelError;
 pub use forward::aba;

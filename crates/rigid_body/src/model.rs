@@ -154,7 +154,8 @@ impl Model {
 
     /// The coordinate of a joint.
     pub fn joint_index(&self, name: &str) -> Option<usize> {
-        self.joint_names.iter().position(|known| known == name)
+        // From the end: a robot's own joint may bear the name of one of the base's.
+        self.joint_names.iter().rposition(|known| known == name)
     }
 
     /// How the joint of coordinate `dof` moves.

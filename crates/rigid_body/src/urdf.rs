@@ -4,16 +4,10 @@ use std::collections::{BTreeMap, BTreeSet};
 
 use nalgebra::{Matrix3, Rotation3, Vector3};
 
+use crate::description::Description;
 use crate::error::ModelError;
 use crate::model::{BASE_JOINTS, Frame, Joint, JointKind, Model};
 use crate::spatial::Inertia;
-
-/// Longest URDF accepted. The largest robots' files are below 1 MB; meshes are files of their own.
-const LIMIT_BYTES: usize = 4 << 20;
-/// Deepest nesting accepted: a parser that recurses must not run out of stack.
-const LIMIT_DEPTH: usize = 32;
-/// Most elements accepted.
-const LIMIT_ELEMENTS: usize = 50_000;
 
 impl Model {
     /// A robot that floats: six coordinates of its root link, then one for each movable joint in the
@@ -24,7 +18,16 @@ impl Model {
     /// One clear [`ModelError`] for a text that is no URDF, is not a tree, or holds numbers that no
     /// body can have.
     pub fn floating_base_from_urdf(urdf: &str) -> Result<Model, ModelError> {
-        from_urdf(urdf, true)
+        Self::floating_base(&Description::read(urdf)?)
+    }
+
+    /// As [`Model::floating_base_from_urdf`], of a description that was read before: with joints locked, for example.
+    ///
+    /// # Errors
+    ///
+    /// As [`Model::floating_base_from_urdf`].
+    pub fn floating_base(description: &Description) -> Result<Model, ModelError> {
+        from_urdf(&description.robot, true)
     }
 
     /// A robot whose root link is fixed to the world: one coordinate for each movable joint.
@@ -33,14 +36,11 @@ impl Model {
     ///
     /// As [`Model::floating_base_from_urdf`].
     pub fn fixed_base_from_urdf(urdf: &str) -> Result<Model, ModelError> {
-        from_urdf(urdf, false)
+        from_urdf(&Description::read(urdf)?.robot, false)
     }
 }
 
-fn from_urdf(text: &str, floating: bool) -> Result<Model, ModelError> {
-    check_shape(text)?;
-    let robot = urdf_rs::read_from_string(text).map_err(|error| ModelError::NotUrdf(error.to_string()))?;
-
+fn from_urdf(robot: &urdf_rs::Robot, floating: bool) -> Result<Model, ModelError> {
     let mut links: BTreeMap<&str, &urdf_rs::Link> = BTreeMap::new();
     for link in &robot.links {
         if links.insert(&link.name, link).is_some() {
@@ -229,75 +229,4 @@ fn principal_moments(rotational: &Matrix3<f64>) -> ([f64; 3], f64) {
     let mut moments: [f64; 3] = rotational.symmetric_eigenvalues().into();
     moments.sort_by(f64::total_cmp);
     (moments, 1e-6 * moments[2].abs())
-}
-
-/// Walks over the text once, without building anything, and refuses what could exhaust memory or stack, or what the
-/// reader proper would report without saying where.
-fn check_shape(text: &str) -> Result<(), ModelError> {
-    use quick_xml::events::Event;
-    if text.len() > LIMIT_BYTES {
-        return Err(ModelError::TooLarge { found_bytes: text.len(), limit_bytes: LIMIT_BYTES });
-    }
-    let not_urdf = |problem: String| Err(ModelError::NotUrdf(problem));
-    let mut reader = quick_xml::Reader::from_str(text);
-    let (mut depth, mut elements) = (0_usize, 0_usize);
-    let mut root_seen = false;
-    loop {
-        let at_byte = reader.buffer_position() as usize;
-        match reader.read_event() {
-            Err(error) => return not_urdf(format!("{error} (at byte {at_byte})")),
-            Ok(Event::Eof) if depth > 0 => return not_urdf("the text ends inside an element".to_owned()),
-            Ok(Event::Eof) if !root_seen => return not_urdf("there is no element".to_owned()),
-            Ok(Event::Eof) => return Ok(()),
-            Ok(Event::DocType(_)) => return Err(ModelError::DocumentType),
-            Ok(event @ (Event::Start(_) | Event::Empty(_))) => {
-                let (element, opens) = match &event {
-                    Event::Start(element) => (element, true),
-                    Event::Empty(element) => (element, false),
-                    _ => continue,
-                };
-                if depth == 0 {
-                    if root_seen || element.name().as_ref() != b"robot" {
-                        let name = String::from_utf8_lossy(element.name().as_ref()).into_owned();
-                        return not_urdf(format!("there is an element <{name}> at the top"));
-                    }
-                    root_seen = true;
-                }
-                if depth == 1 && element.name().as_ref() == b"joint" {
-                    check_joint_type(element)?;
-                }
-                elements += 1;
-                if elements > LIMIT_ELEMENTS {
-                    return Err(ModelError::TooManyElements { limit: LIMIT_ELEMENTS });
-                }
-                if opens {
-                    depth += 1;
-                }
-                if depth > LIMIT_DEPTH {
-                    return Err(ModelError::TooDeep { limit: LIMIT_DEPTH, at_byte });
-                }
-            }
-            Ok(Event::End(_)) => match depth.checked_sub(1) {
-                Some(above) => depth = above,
-                None => return not_urdf(format!("an element is closed at byte {at_byte} that was not opened")),
-            },
-            Ok(_) => {}
-        }
-    }
-}
-
-/// The reader proper knows URDF's joint types only, and does not say which joint has another.
-fn check_joint_type(element: &quick_xml::events::BytesStart) -> Result<(), ModelError> {
-    const KNOWN: [&str; 7] = ["revolute", "continuous", "prismatic", "fixed", "floating", "planar", "spherical"];
-    let value = |name: &str| -> Result<Option<String>, ModelError> {
-        match element.try_get_attribute(name) {
-            Ok(found) => Ok(found.map(|attribute| String::from_utf8_lossy(&attribute.value).into_owned())),
-            Err(error) => Err(ModelError::NotUrdf(error.to_string())),
-        }
-    };
-    let joint = value("name")?.unwrap_or_default();
-    match value("type")? {
-        Some(found) if !KNOWN.contains(&found.as_str()) => Err(ModelError::UnsupportedJoint { joint, found }),
-        _ => Ok(()),
-    }
 }

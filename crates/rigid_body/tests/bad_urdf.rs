@@ -152,8 +152,11 @@ fn numbers_that_are_none() {
     }
     let error = error_of("<axis xyz=\"1 0 0\"/>", "<axis xyz=\"0 0 0\"/>");
     assert_eq!(error, ModelError::BadAxis { joint: "front_left_hip_roll".to_owned(), length: 0.0 });
-    assert!(matches!(error_of("<mass value=\"1.975\"/>", "<mass value=\"heavy\"/>"), ModelError::NotUrdf(_)));
-    assert!(matches!(error_of("<axis xyz=\"1 0 0\"/>", "<axis xyz=\"1 0\"/>"), ModelError::NotUrdf(_)));
+    says(
+        &error_of("<mass value=\"1.975\"/>", "<mass value=\"heavy\"/>"),
+        &["front_left_hip", "mass value", "heavy", "line 61"],
+    );
+    says(&error_of("<axis xyz=\"1 0 0\"/>", "<axis xyz=\"1 0\"/>"), &["front_left_hip_roll", "axis xyz", "3 number"]);
 }
 
 #[test]

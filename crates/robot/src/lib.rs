@@ -7,16 +7,20 @@
 //! A robot is a folder `config/robots/NAME/` with a `robot.toml` and a URDF. [`Robot::from_toml_str`]
 //! turns their texts into a checked [`Robot`]; [`Robot::load`] also opens the files.
 
+mod against_urdf;
+mod encoding;
 mod error;
 mod kinematics;
 mod mirror;
 mod parse;
+mod propose;
 
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
-use rigid_body::{FrameId, Model};
+use rigid_body::{Data, Description, FrameId, Model, forward_kinematics, frame_position};
 
 pub use error::RobotError;
+pub use propose::{Proposal, propose};
 
 /// Everything that the software knows about one quadruped.
 #[derive(Debug, Clone)]
@@ -25,6 +29,12 @@ pub struct Robot {
     pub name: String,
     /// The text of its URDF.
     pub urdf: String,
+    /// The URDF as it was read, with the joints locked that robot.toml locks.
+    pub description: Description,
+    /// The folder that it was loaded from: meshes are looked for from there.
+    pub folder: Option<PathBuf>,
+    /// What was changed on the way from the files to here, a line each, for a person to read.
+    pub notes: Vec<String>,
     /// The whole robot, 18 coordinates: x, y, z, roll, pitch, yaw, then leg·3 + joint.
     pub model: Model,
     /// Legs 0 to 3.
@@ -39,6 +49,8 @@ pub struct Robot {
     pub gains: Gains,
     /// Torque and velocity limits.
     pub limits: Limits,
+    /// What stands behind each joint, for the simulation.
+    pub drives: Drives,
 }
 
 /// One leg. Triples are hip roll, hip pitch, knee.
@@ -121,6 +133,18 @@ pub struct Limits {
     pub velocity_rad_s: [f64; 3],
 }
 
+/// What moves and brakes with a joint: hip roll, hip pitch, knee. Where robot.toml says nothing, damping and friction
+/// are those of the URDF's `<dynamics>`. The simulation has them; plans do not.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub struct Drives {
+    /// Inertia of the rotor as seen at the joint (times the gear ratio squared), kg m².
+    pub rotor_inertia_kg_m2: [f64; 3],
+    /// Viscous damping, N m s/rad.
+    pub damping_nm_s_per_rad: Option<[f64; 3]>,
+    /// Dry friction, N m.
+    pub friction_nm: Option<[f64; 3]>,
+}
+
 impl Robot {
     /// A robot from the text of its `robot.toml` and of its URDF.
     ///
@@ -131,7 +155,9 @@ impl Robot {
     /// are not mirror images.
     pub fn from_toml_str(toml: &str, urdf: &str) -> Result<Robot, RobotError> {
         let robot = parse::robot(toml, urdf)?;
+        against_urdf::check_places(&robot)?;
         mirror::check(&robot, parse::mirror_tolerance(toml)?)?;
+        against_urdf::check_posture(&robot)?;
         Ok(robot)
     }
 
@@ -141,9 +167,40 @@ impl Robot {
     ///
     /// As [`Robot::from_toml_str`], or if a file cannot be read or is too large.
     pub fn load(folder: &Path) -> Result<Robot, RobotError> {
-        let toml = parse::read(&folder.join("robot.toml"))?;
-        let urdf = parse::read(&folder.join(parse::urdf_file(&toml)?))?;
-        Self::from_toml_str(&toml, &urdf)
+        let (toml, mut notes) = parse::read(&folder.join("robot.toml"))?;
+        let (urdf, more) = parse::read(&folder.join(parse::urdf_file(&toml)?))?;
+        let mut robot = Self::from_toml_str(&toml, &urdf)?;
+        notes.extend(more);
+        notes.append(&mut robot.notes);
+        Ok(Self { folder: Some(folder.to_owned()), notes, ..robot })
+    }
+
+    /// The text of a file of bounded size, whatever encoding of Unicode it has, and a line if that is not UTF-8.
+    ///
+    /// # Errors
+    ///
+    /// If it cannot be read, is too large, or its encoding is not known.
+    pub fn read_text(path: &Path) -> Result<(String, Option<String>), RobotError> {
+        parse::read(path).map(|(text, notes)| (text, notes.into_iter().next()))
+    }
+
+    /// Height of the leg's hip-roll joint in the torso's axes, m.
+    pub(crate) fn hip_height_m(&self, leg: &Leg) -> f64 {
+        let mut data = Data::new(&self.model);
+        let zero = [0.0; 18];
+        forward_kinematics(&self.model, &mut data, &zero, &zero, &zero);
+        let dof = self.model.joint_index(&leg.joints[0]).expect("a leg's joints are the model's");
+        let hip = self.model.frame_id(self.model.link_name(dof)).expect("a moving link is a frame");
+        frame_position(&self.model, &data, hip).z
+    }
+
+    /// Whether the rear legs can do what the front legs across do, as plans have them do.
+    ///
+    /// # Errors
+    ///
+    /// [`RobotError::RearDiffers`] if knees bend to different sides, standing, or the limits have nothing in common.
+    pub fn check_rear_follows_front(&self) -> Result<(), RobotError> {
+        against_urdf::check_rear_follows_front(self)
     }
 
     /// Names of the twelve joints, leg·3 + joint.

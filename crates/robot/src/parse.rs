@@ -1,12 +1,13 @@
 //! The text of `robot.toml` to a [`Robot`].
 
+use std::collections::BTreeMap;
 use std::io::Read;
 use std::path::{Component, Path};
 
-use rigid_body::{JointKind, Model};
+use rigid_body::{Description, JointKind, Model};
 use serde::Deserialize;
 
-use crate::{Gains, Leg, Limits, Mirror, Nominal, Robot, RobotError};
+use crate::{Drives, Gains, Leg, Limits, Mirror, Nominal, Robot, RobotError, against_urdf};
 
 /// Longest file that is read. A robot's files are far below it.
 const LIMIT_BYTES: u64 = 16 << 20;
@@ -26,7 +27,19 @@ struct RobotFile {
     nominal: NominalFile,
     gains: GainsFile,
     limits: LimitsFile,
+    /// Joints of the URDF that no leg has, and where each is held, rad or m.
+    #[serde(default)]
+    locked: BTreeMap<String, f64>,
+    drives: Option<DrivesFile>,
     legs: Vec<LegFile>,
+}
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct DrivesFile {
+    rotor_inertia_kg_m2: Option<Vec<f64>>,
+    damping_nm_s_per_rad: Option<Vec<f64>>,
+    friction_nm: Option<Vec<f64>>,
 }
 
 #[derive(Deserialize)]
@@ -78,16 +91,17 @@ struct LegFile {
     sit_rad: Vec<f64>,
 }
 
-/// The text of a file of bounded size.
-pub(crate) fn read(path: &Path) -> Result<String, RobotError> {
+/// The text of a file of bounded size, and a line if it had to be converted.
+pub(crate) fn read(path: &Path) -> Result<(String, Vec<String>), RobotError> {
     let fail = |reason: String| RobotError::File { path: path.display().to_string(), reason };
     let file = std::fs::File::open(path).map_err(|error| fail(error.to_string()))?;
-    let mut text = String::new();
-    let length = file.take(LIMIT_BYTES + 1).read_to_string(&mut text).map_err(|error| fail(error.to_string()))?;
+    let mut bytes = Vec::new();
+    let length = file.take(LIMIT_BYTES + 1).read_to_end(&mut bytes).map_err(|error| fail(error.to_string()))?;
     if length as u64 > LIMIT_BYTES {
         return Err(fail(format!("it is larger than {LIMIT_BYTES} bytes, expected a small text")));
     }
-    Ok(text)
+    let (text, note) = crate::encoding::decode(&bytes).map_err(fail)?;
+    Ok((text, note.into_iter().map(|note| format!("{}: {note}", path.display())).collect()))
 }
 
 fn file(toml: &str) -> Result<RobotFile, RobotError> {
@@ -143,12 +157,15 @@ pub(crate) fn robot(toml: &str, urdf: &str) -> Result<Robot, RobotError> {
         found: format!("a list of {}", legs.len()),
         expected: "four: front-left, rear-left, front-right, rear-right".to_owned(),
     })?;
-    let in_file_order = Model::floating_base_from_urdf(urdf)?;
+    let mut description = Description::read(urdf)?;
+    lock(&mut description, &file.locked, &legs)?;
+    let mut notes = description.notes().to_vec();
+    let in_file_order = Model::floating_base(&description)?;
     let model = model(&legs, &in_file_order)?;
     let legs = {
         let mut done = Vec::with_capacity(4);
         for (i, leg) in legs.into_iter().enumerate() {
-            done.push(self::leg(leg, i, &model)?);
+            done.push(self::leg(leg, i, &model, &description, &mut notes)?);
         }
         <[Leg; 4]>::try_from(done).expect("four legs were converted")
     };
@@ -157,10 +174,18 @@ pub(crate) fn robot(toml: &str, urdf: &str) -> Result<Robot, RobotError> {
         joint_sign: triple("mirror.joint_sign", &file.mirror.joint_sign, |x| x.abs() == 1.0, "±1")?,
     };
     let positive = |field: &str, values: &[f64]| triple(field, values, |x| x > 0.0, "a positive number");
-    let not_negative = |field: &str, values: &[f64]| triple(field, values, |x| x >= 0.0, "a number not below zero");
+    let mut limits = Limits {
+        plan_torque_nm: positive("limits.plan_torque_nm", &file.limits.plan_torque_nm)?,
+        drive_torque_nm: positive("limits.drive_torque_nm", &file.limits.drive_torque_nm)?,
+        velocity_rad_s: positive("limits.velocity_rad_s", &file.limits.velocity_rad_s)?,
+    };
+    against_urdf::narrow_limits(&mut limits, &legs, &description, &mut notes)?;
     Ok(Robot {
         name: file.name,
         urdf: urdf.to_owned(),
+        description,
+        folder: None,
+        notes,
         toe_radius_m: in_range("toe_radius_m", file.toe_radius_m, 0.0, 1.0)?,
         mirror,
         nominal: Nominal {
@@ -168,16 +193,38 @@ pub(crate) fn robot(toml: &str, urdf: &str) -> Result<Robot, RobotError> {
             half_width_m: in_range("nominal.half_width_m", file.nominal.half_width_m, 0.0, 10.0)?,
         },
         gains: Gains {
-            kp_nm_per_rad: not_negative("gains.kp_nm_per_rad", &file.gains.kp_nm_per_rad)?,
-            kd_nm_s_per_rad: not_negative("gains.kd_nm_s_per_rad", &file.gains.kd_nm_s_per_rad)?,
+            kp_nm_per_rad: positive("gains.kp_nm_per_rad", &file.gains.kp_nm_per_rad)?,
+            kd_nm_s_per_rad: positive("gains.kd_nm_s_per_rad", &file.gains.kd_nm_s_per_rad)?,
         },
-        limits: Limits {
-            plan_torque_nm: positive("limits.plan_torque_nm", &file.limits.plan_torque_nm)?,
-            drive_torque_nm: positive("limits.drive_torque_nm", &file.limits.drive_torque_nm)?,
-            velocity_rad_s: positive("limits.velocity_rad_s", &file.limits.velocity_rad_s)?,
-        },
+        limits,
+        drives: drives(file.drives.as_ref())?,
         model,
         legs,
+    })
+}
+
+/// Locks the joints that robot.toml names.
+fn lock(description: &mut Description, locked: &BTreeMap<String, f64>, legs: &[LegFile; 4]) -> Result<(), RobotError> {
+    for (joint, &position) in locked {
+        let fail = |problem: String| RobotError::Locked { joint: joint.clone(), problem };
+        if let Some(leg) = legs.iter().find(|leg| leg.joints.contains(joint)) {
+            return Err(fail(format!("the leg '{}' has it, which must move: remove the line", leg.name)));
+        }
+        description.lock(joint, position).map_err(|error| fail(error.to_string()))?;
+    }
+    Ok(())
+}
+
+fn drives(file: Option<&DrivesFile>) -> Result<Drives, RobotError> {
+    let Some(file) = file else { return Ok(Drives::default()) };
+    let given = |name: &str, values: &Option<Vec<f64>>| {
+        let read = |values: &Vec<f64>| triple(name, values, |x| x >= 0.0, "a number not below zero");
+        values.as_ref().map(read).transpose()
+    };
+    Ok(Drives {
+        rotor_inertia_kg_m2: given("drives.rotor_inertia_kg_m2", &file.rotor_inertia_kg_m2)?.unwrap_or_default(),
+        damping_nm_s_per_rad: given("drives.damping_nm_s_per_rad", &file.damping_nm_s_per_rad)?,
+        friction_nm: given("drives.friction_nm", &file.friction_nm)?,
     })
 }
 
@@ -206,7 +253,13 @@ fn model(legs: &[LegFile; 4], in_file_order: &Model) -> Result<Model, RobotError
     Ok(in_file_order.subtree(&joints, 1.0)?)
 }
 
-fn leg(file: LegFile, number: usize, model: &Model) -> Result<Leg, RobotError> {
+fn leg(
+    file: LegFile,
+    number: usize,
+    model: &Model,
+    description: &Description,
+    notes: &mut Vec<String>,
+) -> Result<Leg, RobotError> {
     let not_a_leg = |problem: String| RobotError::NotALeg { leg: file.name.clone(), problem };
     let first = 6 + 3 * number;
     for dof in first..first + 3 {
@@ -238,22 +291,22 @@ fn leg(file: LegFile, number: usize, model: &Model) -> Result<Leg, RobotError> {
             return Err(RobotError::Field {
                 field: format!("{}[{k}]", field("position_max_rad")),
                 found: position_max_rad[k].to_string(),
-                expected: format!("above position_min_rad, {}", position_min_rad[k]),
+                expected: format!("above position_min_rad[{k}], {} (are the two swapped?)", position_min_rad[k]),
             });
         }
     }
-    let pose = |name: &str, values: &[f64]| {
-        let pose = finite(name, values)?;
-        for k in 0..3 {
-            in_range(&format!("{}[{k}]", field(name)), pose[k], position_min_rad[k], position_max_rad[k])?;
-        }
-        Ok::<_, RobotError>(pose)
-    };
-    let stand_rad = pose("stand_rad", &file.stand_rad)?;
+    let stand_rad = finite("stand_rad", &file.stand_rad)?;
     // Folded on the floor a leg may rest beyond the range that walking uses.
     let sit_rad = finite("sit_rad", &file.sit_rad)?;
     let joints = <[String; 3]>::try_from(file.joints).expect("three joints were counted");
-    Ok(Leg { name: file.name, joints, toe, position_min_rad, position_max_rad, stand_rad, sit_rad })
+    let mut leg = Leg { name: file.name, joints, toe, position_min_rad, position_max_rad, stand_rad, sit_rad };
+    against_urdf::check_radians(&leg, number)?;
+    against_urdf::narrow_positions(&mut leg, number, description, notes)?;
+    for k in 0..3 {
+        let range = (leg.position_min_rad[k], leg.position_max_rad[k]);
+        in_range(&format!("legs[{number}].stand_rad[{k}]"), stand_rad[k], range.0, range.1)?;
+    }
+    Ok(leg)
 }
 
 fn mirror_legs(values: &[usize]) -> Result<[usize; 4], RobotError> {

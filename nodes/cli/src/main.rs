@@ -5,6 +5,7 @@ mod doctor;
 mod library;
 mod plan;
 mod report;
+mod robot;
 mod robots;
 mod show;
 mod simulate;
@@ -37,6 +38,7 @@ enum Command {
     Bag(bag::Arguments),
     Report(report::Arguments),
     Show(show::Arguments),
+    Robot(robot::Arguments),
     Doctor(doctor::Arguments),
     StopButton(stop_button::Arguments),
 }
@@ -51,6 +53,7 @@ fn main() -> ExitCode {
         Command::Bag(a) => bag::run(&a),
         Command::Report(a) => report::run(&a),
         Command::Show(a) => show::run(&a),
+        Command::Robot(a) => robot::run(&a),
         Command::Doctor(a) => doctor::run(&a),
         Command::StopButton(a) => stop_button::run(&a),
     };

@@ -16,12 +16,16 @@ impl RobotArguments {
     /// Opens the robot's folder.
     pub fn load(&self) -> Result<Robot> {
         let folder = folder(&self.robot);
-        Robot::load(&folder).with_context(|| format!("robot \"{}\"", self.robot))
+        let robot = Robot::load(&folder).with_context(|| format!("robot \"{}\"", self.robot))?;
+        for note in &robot.notes {
+            eprintln!("tandem: robot \"{}\": {note}", self.robot);
+        }
+        Ok(robot)
     }
 }
 
 /// A path as it is; a bare name in the configuration folder: `TANDEM_CONFIG`, or `config` here or above the program.
-fn folder(robot: &str) -> PathBuf {
+pub fn folder(robot: &str) -> PathBuf {
     if robot.contains('/') || Path::new(robot).join("robot.toml").exists() {
         return robot.into();
     }

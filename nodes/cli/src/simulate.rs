@@ -112,7 +112,7 @@ pub fn run(arguments: &Arguments) -> Result<ExitCode> {
             .with_context(|| file.display().to_string())?;
         all_up &= done.walk.end == End::Upright;
         if arguments.json {
-            println!("{}", done.json(&gait, &options));
+            println!("{}", done.json(&robot, &gait, &options));
         } else {
             print!("{}", done.text(&robot, &gait, &options));
         }
@@ -173,6 +173,11 @@ impl Arguments {
         let latency = Duration::from_secs_f64(self.drive_latency);
         Ok(Drives { bus, model: DriveModel { torque_limit_nm, latency, ..DriveModel::default() } })
     }
+}
+
+/// The paper's torques: the Vision 60's, of no use beside another robot's.
+fn paper(robot: &Robot, gait: &Gait) -> Option<::report::TableTwo> {
+    if robot.name == "vision60" { ::report::table_two(&gait.name) } else { None }
 }
 
 struct Done {
@@ -345,7 +350,7 @@ impl Done {
         let row = |name: &str, [roll, pitch, knee]: [f64; 3]| format!("  {name:24}{roll:9.2}{pitch:11.2}{knee:8.2}\n");
         text += "  mean |torque|, Nm        hip roll  hip pitch    knee\n";
         text += &row("  here", f.mean_abs_torque_nm.into());
-        if let Some(paper) = ::report::table_two(&gait.name) {
+        if let Some(paper) = paper(robot, gait) {
             text += &row("  Table II, MuJoCo", paper.mujoco_nm);
             text += &row("  Table II, experiment", paper.experiment_nm);
         }
@@ -358,19 +363,22 @@ impl Done {
         for file in &self.files {
             text += &format!("  wrote {}\n", file.display());
         }
+        for note in &self.walk.notes {
+            text += &format!("  {note}\n");
+        }
         for problem in &self.no_pictures {
             text += &format!("  {problem}\n");
         }
         text
     }
 
-    fn json(&self, gait: &Gait, options: &WalkOptions) -> serde_json::Value {
+    fn json(&self, robot: &Robot, gait: &Gait, options: &WalkOptions) -> serde_json::Value {
         let (fell_at_s, fault) = match &self.walk.end {
             End::Upright => (None, None),
             End::Fell { at_s, .. } => (Some(*at_s), None),
             End::Fault { at_s, fault } => (Some(*at_s), Some(fault)),
         };
-        let paper = ::report::table_two(&gait.name);
+        let paper = paper(robot, gait);
         serde_json::json!({
             "gait": gait.name,
             "step_duration_s": gait.step_duration_s,
@@ -386,6 +394,7 @@ impl Done {
             "wall_s": self.wall_s,
             "files": self.files,
             "no_pictures": self.no_pictures,
+            "notes": self.walk.notes,
         })
     }
 }

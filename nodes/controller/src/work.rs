@@ -155,6 +155,9 @@ impl Work {
     fn open(&self, active: bool) -> anyhow::Result<Running> {
         let parameters = &self.parameters;
         let robot = Robot::load(&ros::find(&parameters.robot_folder)?)?;
+        for note in &robot.notes {
+            tracing::info!("robot '{}': {note}", robot.name);
+        }
         let config = parameters.control(&robot);
         let controller = Controller::new(config.clone())?;
         let drives = parameters.bus_file.as_deref().map(|file| open_bus(file, &robot, &config)).transpose()?;

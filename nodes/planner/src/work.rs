@@ -212,6 +212,9 @@ impl Managed for Work {
     fn configure(&mut self, goes_active: bool) -> Result<(), String> {
         let folder = ros::find(Path::new(&self.parameters.folder)).map_err(|error| error.to_string())?;
         let robot = Robot::load(&folder).map_err(|error| format!("robot folder {}: {error}", folder.display()))?;
+        for note in &robot.notes {
+            tracing::info!("robot '{}': {note}", robot.name);
+        }
         self.active.store(goes_active, Ordering::Release);
         self.open = Some(self.open(robot).map_err(|error| error.to_string())?);
         Ok(())

@@ -125,6 +125,9 @@ impl Bridge {
     /// What the middleware or the simulator refuse.
     pub fn new(node: &Node, config: Config, robot: &Robot, bench: Option<DriveBench>) -> Result<Self, BridgeError> {
         let simulator = Simulator::new(robot, config.simulator.clone())?;
+        for note in robot.notes.iter().chain(simulator.notes()) {
+            tracing::info!("robot '{}': {note}", robot.name);
+        }
         let joint_names = robot.joint_names().map(|name| format!("{}{name}", config.joint_prefix));
         let frames = ports::Frames::new(&config.frame_prefix);
         let commands = match config.pace {

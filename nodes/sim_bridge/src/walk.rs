@@ -103,6 +103,8 @@ pub struct Walk {
     pub cycles: u64,
     /// State at the end.
     pub state: RobotState,
+    /// What of the robot's description was not simulated as it says.
+    pub notes: Vec<String>,
 }
 
 /// Why there was no walk.
@@ -372,6 +374,7 @@ pub fn walk(
             walking_from_s: walking_from_s.unwrap_or_default(),
             cycles: u64::from(cycle) + 1,
             state: after,
+            notes: simulator.notes().to_vec(),
         });
     }
     Err(WalkError::Option("more control cycles than can be counted".into()))

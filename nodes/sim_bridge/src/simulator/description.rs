@@ -3,19 +3,31 @@
 //! Contact settings are those of a stiff rubber foot on a hard floor: `solref` 0.005 s critically damped, `solimp`
 //! 0.95–0.99 over 1 mm, elliptic friction cone, `impratio` 10. Shapes of a link's `<collision>` touch the ground: toes, knees
 //! and torso. Toes and torso touch each other as well; nothing else of the robot does.
+//!
+//! The URDF's own names get a prefix, so that none can be the name of something of ours or of MuJoCo's.
 
+use super::meshes::Meshes;
 use super::{SimulatorError, SimulatorOptions};
 use nalgebra::{Matrix3, Rotation3, UnitQuaternion, Vector3};
+use rigid_body::Inertia;
+use robot::Robot;
 use std::collections::{HashMap, HashSet};
 use std::fmt::Write as _;
-use urdf_rs::{Geometry, JointType, Link, Material, Pose};
+use urdf_rs::{Geometry, Joint, JointType, Link, Material, Pose};
 
-/// What of the robot MuJoCo needs beyond the URDF.
-pub(super) struct Names<'a> {
-    /// The twelve actuated joints in the project's order.
-    pub joints: &'a [String],
-    /// The toes' links.
-    pub toes: &'a [String],
+/// The robot's model for MuJoCo.
+pub(super) struct Mjcf {
+    /// Its text.
+    pub text: String,
+    /// What of the robot is not in it, or is not as the URDF says, a line each.
+    pub notes: Vec<String>,
+    /// Whether there are meshes in it.
+    pub has_meshes: bool,
+}
+
+/// The name of a URDF's link or joint in the MJCF.
+pub(super) fn own(name: &str) -> String {
+    format!("urdf:{name}")
 }
 
 /// Name of the base body in the MJCF.
@@ -41,47 +53,113 @@ fn escape(text: &str) -> String {
     text.replace('&', "&amp;").replace('<', "&lt;").replace('"', "&quot;")
 }
 
-fn shape(link: &str, geometry: &Geometry) -> Result<String, SimulatorError> {
-    Ok(match geometry {
+fn shape(geometry: &Geometry, meshes: &mut Meshes) -> Option<String> {
+    Some(match geometry {
         Geometry::Box { size } => format!(r#"type="box" size="{}""#, numbers(&size.0.map(|s| 0.5 * s))),
         Geometry::Cylinder { radius, length } => format!(r#"type="cylinder" size="{radius} {}""#, 0.5 * length),
         Geometry::Capsule { radius, length } => format!(r#"type="capsule" size="{radius} {}""#, 0.5 * length),
         Geometry::Sphere { radius } => format!(r#"type="sphere" size="{radius}""#),
-        Geometry::Mesh { filename, .. } => {
-            return Err(SimulatorError::Urdf(format!(
-                "link \"{link}\" has the mesh \"{filename}\"; the simulator draws boxes, cylinders, capsules and spheres: use those"
-            )));
+        Geometry::Mesh { filename, scale } => {
+            let mesh = meshes.name(filename, scale.as_ref().map_or([1.0; 3], |scale| scale.0))?;
+            format!(r#"type="mesh" mesh="{mesh}""#)
         }
     })
 }
 
+/// MuJoCo takes no shape without extent.
+fn has_extent(geometry: &Geometry) -> bool {
+    match geometry {
+        Geometry::Box { size } => size.0.iter().all(|&s| s > 0.0),
+        Geometry::Cylinder { radius, length } => *radius > 0.0 && *length > 0.0,
+        // A capsule without length is a ball, which MuJoCo takes for none.
+        Geometry::Capsule { radius, length } => *radius > 0.0 && *length > 0.0,
+        Geometry::Sphere { radius } => *radius > 0.0,
+        Geometry::Mesh { .. } => true,
+    }
+}
+
+/// Whether MuJoCo takes the inertia as that of a body: no moment larger than the sum of the others.
+fn is_possible(inertia: &urdf_rs::Inertia) -> bool {
+    let i = inertia;
+    let mut moments: [f64; 3] =
+        Matrix3::new(i.ixx, i.ixy, i.ixz, i.ixy, i.iyy, i.iyz, i.ixz, i.iyz, i.izz).symmetric_eigenvalues().into();
+    moments.sort_by(f64::total_cmp);
+    moments[0] > 0.0 && moments[0] + moments[1] >= moments[2]
+}
+
+fn inertial(center_m: &[f64; 3], mass_kg: f64, m: &Matrix3<f64>) -> String {
+    let pos = numbers(center_m);
+    let products = [m[(0, 1)], m[(0, 2)], m[(1, 2)]];
+    let moments = [m[(0, 0)], m[(1, 1)], m[(2, 2)]];
+    let inertia = if products == [0.0; 3] {
+        format!(r#"diaginertia="{}""#, numbers(&moments))
+    } else {
+        format!(r#"fullinertia="{} {}""#, numbers(&moments), numbers(&products))
+    };
+    format!(r#"<inertial pos="{pos}" mass="{mass_kg}" {inertia}/>"#)
+}
+
 struct Writer<'a> {
+    of: &'a Robot,
     robot: &'a urdf_rs::Robot,
     colors: HashMap<&'a str, [f64; 4]>,
     toes: HashSet<&'a str>,
     text: String,
+    meshes: Meshes,
+    notes: Vec<String>,
     joints_met: HashSet<&'a str>,
+    /// Moving links whose links, fixed to each other, are written as one body, and that body's inertia.
+    merged: HashMap<&'a str, Inertia>,
 }
 
 impl<'a> Writer<'a> {
-    fn inertial(&mut self, link: &Link) {
-        let inertial = &link.inertial;
-        if inertial.mass.value == 0.0 {
+    /// Moving bodies with a link whose own inertia is none that a body can have. Such links do no harm once they are part of
+    /// their body, whose inertia the model has checked.
+    fn find_merged(&mut self, root: &'a str) {
+        let model = &self.of.model;
+        // The torso's body is moved by roll, coordinate 3; the other five of the base move no mass.
+        for dof in std::iter::once(3).chain(6..model.dof()) {
+            let name = if dof == 3 { root } else { model.link_name(dof) };
+            let Some(link) = self.robot.links.iter().find(|link| link.name == name) else { continue };
+            let mut pending = vec![link.name.as_str()];
+            let mut all_possible = true;
+            while let Some(name) = pending.pop() {
+                let fixed = |joint: &&Joint| joint.parent.link == name && joint.joint_type == JointType::Fixed;
+                pending.extend(self.robot.joints.iter().filter(fixed).map(|joint| joint.child.link.as_str()));
+                if let Some(link) = self.robot.links.iter().find(|link| link.name == name) {
+                    all_possible &= link.inertial.mass.value == 0.0 || is_possible(&link.inertial.inertia);
+                }
+            }
+            if !all_possible {
+                self.merged.insert(&link.name, *model.body_inertia(dof));
+            }
+        }
+    }
+
+    fn inertial(&mut self, link: &Link, merged: Option<&Inertia>, is_top: bool) {
+        if let Some(body) = merged {
+            if is_top {
+                let mut m = body.rotational_kg_m2;
+                let mut moments: [f64; 3] = m.symmetric_eigenvalues().into();
+                moments.sort_by(f64::total_cmp);
+                // What rounding in the file took from a flat body, which the model lets pass.
+                let lacks = moments[2] - moments[0] - moments[1];
+                if lacks > -1e-9 * moments[2] {
+                    m += Matrix3::identity() * (lacks.max(0.0) + 1e-9 * moments[2]);
+                }
+                self.text += &inertial(&body.center_m.into(), body.mass_kg, &m);
+            }
             return;
         }
-        let i = &inertial.inertia;
+        let of_link = &link.inertial;
+        if of_link.mass.value == 0.0 {
+            return;
+        }
+        let i = &of_link.inertia;
         let about_own_axes = Matrix3::new(i.ixx, i.ixy, i.ixz, i.ixy, i.iyy, i.iyz, i.ixz, i.iyz, i.izz);
-        let turn: Rotation3<f64> = rotation(&inertial.origin.rpy).into();
+        let turn: Rotation3<f64> = rotation(&of_link.origin.rpy).into();
         let m = turn * about_own_axes * turn.transpose();
-        let (pos, mass) = (numbers(&inertial.origin.xyz.0), inertial.mass.value);
-        let products = [m[(0, 1)], m[(0, 2)], m[(1, 2)]];
-        let moments = [m[(0, 0)], m[(1, 1)], m[(2, 2)]];
-        let inertia = if products == [0.0; 3] {
-            format!(r#"diaginertia="{}""#, numbers(&moments))
-        } else {
-            format!(r#"fullinertia="{} {}""#, numbers(&moments), numbers(&products))
-        };
-        let _ = write!(self.text, r#"<inertial pos="{pos}" mass="{mass}" {inertia}/>"#);
+        self.text += &inertial(&of_link.origin.xyz.0, of_link.mass.value, &m);
     }
 
     fn color(&self, material: Option<&Material>) -> [f64; 4] {
@@ -90,69 +168,105 @@ impl<'a> Writer<'a> {
             .unwrap_or([0.6, 0.6, 0.6, 1.0])
     }
 
-    fn shapes(&mut self, link: &'a Link, of_trunk: bool) -> Result<(), SimulatorError> {
-        for visual in &link.visual {
+    fn shapes(&mut self, link: &'a Link, of_trunk: bool) {
+        for visual in link.visual.iter().filter(|visual| has_extent(&visual.geometry)) {
+            let Some(shape) = shape(&visual.geometry, &mut self.meshes) else { continue };
             let _ = write!(
                 self.text,
-                r#"<geom class="seen" {} {} rgba="{}"/>"#,
-                shape(&link.name, &visual.geometry)?,
+                r#"<geom class="seen" {shape} {} rgba="{}"/>"#,
                 place(&visual.origin),
                 numbers(&self.color(visual.material.as_ref()))
             );
         }
-        let is_toe = self.toes.contains(link.name.as_str());
-        if is_toe && (link.collision.len() != 1 || !matches!(link.collision[0].geometry, Geometry::Sphere { .. })) {
-            return Err(SimulatorError::Urdf(format!(
-                "toe link \"{}\" has {} collision shapes; expected one sphere",
-                link.name,
-                link.collision.len()
-            )));
+        if self.toes.contains(link.name.as_str()) {
+            self.toe(link);
+            return;
         }
-        for collision in &link.collision {
-            let name = if is_toe { format!(r#"name="{}""#, escape(&link.name)) } else { String::new() };
-            let _ = write!(
-                self.text,
-                r#"<geom class="{}" {name} {} {}/>"#,
-                match (is_toe, of_trunk) {
-                    (true, _) => "toe",
-                    (false, true) => "trunk",
-                    (false, false) => "leg",
-                },
-                shape(&link.name, &collision.geometry)?,
-                place(&collision.origin),
-            );
+        for collision in link.collision.iter().filter(|collision| has_extent(&collision.geometry)) {
+            let Some(shape) = shape(&collision.geometry, &mut self.meshes) else { continue };
+            let class = if of_trunk { "trunk" } else { "leg" };
+            let _ = write!(self.text, r#"<geom class="{class}" {shape} {}/>"#, place(&collision.origin));
         }
+    }
+
+    /// A toe is a ball: the URDF's, or that of robot.toml about the toe link's origin.
+    fn toe(&mut self, link: &'a Link) {
+        let radius_m = self.of.toe_radius_m;
+        let (shape, origin) = match &link.collision[..] {
+            [ball] if matches!(ball.geometry, Geometry::Sphere { radius } if radius > 0.0) => {
+                (shape(&ball.geometry, &mut self.meshes), place(&ball.origin))
+            }
+            others => {
+                let found = if others.is_empty() { "has no shape that touches" } else { "is no single ball" };
+                self.notes.push(format!(
+                    "toe link '{}' {found}: it touches the ground with robot.toml's ball of {radius_m} m radius",
+                    link.name
+                ));
+                (None, place(&Pose::default()))
+            }
+        };
+        let shape = shape.unwrap_or_else(|| format!(r#"type="sphere" size="{radius_m}""#));
+        let name = escape(&own(&link.name));
+        let _ = write!(self.text, r#"<geom class="toe" name="{name}" {shape} {origin}/>"#);
+    }
+
+    /// A moving joint.
+    fn joint(&mut self, joint: &'a Joint) -> Result<(), SimulatorError> {
+        let axis = Vector3::from(joint.axis.xyz.0);
+        if axis.norm() < 1e-9 {
+            return Err(SimulatorError::Urdf(format!("joint \"{}\" has the axis 0 0 0", joint.name)));
+        }
+        let range = if joint.joint_type == JointType::Revolute && joint.limit.lower < joint.limit.upper {
+            format!(r#"range="{} {}""#, joint.limit.lower, joint.limit.upper)
+        } else {
+            String::new()
+        };
+        let number = self.of.joint_names().iter().position(|name| *name == joint.name);
+        let drive = number.map(|number| self.drive(joint, number % 3)).unwrap_or_default();
+        let _ = write!(
+            self.text,
+            r#"<joint name="{}" axis="{}" {range}{drive}/>"#,
+            escape(&own(&joint.name)),
+            numbers(axis.normalize().as_slice())
+        );
+        self.joints_met.insert(&joint.name);
         Ok(())
     }
 
-    fn link(&mut self, name: &str, of_trunk: bool) -> Result<(), SimulatorError> {
+    /// Rotor inertia, damping and dry friction, where there are any.
+    fn drive(&self, joint: &Joint, of_leg: usize) -> String {
+        let drives = &self.of.drives;
+        let given = joint.dynamics.as_ref();
+        let damping = drives.damping_nm_s_per_rad.map_or(given.map_or(0.0, |d| d.damping), |of| of[of_leg]);
+        let friction = drives.friction_nm.map_or(given.map_or(0.0, |d| d.friction), |of| of[of_leg]);
+        let attributes =
+            [("armature", drives.rotor_inertia_kg_m2[of_leg]), ("damping", damping), ("frictionloss", friction)];
+        attributes.iter().filter(|(_, v)| *v > 0.0).map(|(name, v)| format!(r#" {name}="{v}""#)).collect()
+    }
+
+    /// A link and all below it. `merged` is the inertia of the moving body that it is part of, where that is written as one.
+    fn link(
+        &mut self,
+        name: &str,
+        of_trunk: bool,
+        merged: Option<&Inertia>,
+        is_top: bool,
+    ) -> Result<(), SimulatorError> {
         let robot = self.robot;
         let link = robot.links.iter().find(|l| l.name == name).ok_or_else(|| {
             SimulatorError::Urdf(format!("a joint names the link \"{name}\", which the URDF does not have"))
         })?;
-        self.inertial(link);
-        self.shapes(link, of_trunk)?;
+        self.inertial(link, merged, is_top);
+        self.shapes(link, of_trunk);
         for joint in robot.joints.iter().filter(|j| j.parent.link == name) {
-            let _ = write!(self.text, r#"<body name="{}" {}>"#, escape(&joint.child.link), place(&joint.origin));
+            let child = joint.child.link.as_str();
+            let _ = write!(self.text, r#"<body name="{}" {}>"#, escape(&own(child)), place(&joint.origin));
             match joint.joint_type {
-                JointType::Fixed => {}
+                JointType::Fixed => self.link(child, of_trunk, merged, false)?,
                 JointType::Revolute | JointType::Continuous => {
-                    let axis = Vector3::from(joint.axis.xyz.0);
-                    if axis.norm() < 1e-9 {
-                        return Err(SimulatorError::Urdf(format!("joint \"{}\" has the axis 0 0 0", joint.name)));
-                    }
-                    let range = if joint.joint_type == JointType::Revolute {
-                        format!(r#"range="{} {}""#, joint.limit.lower, joint.limit.upper)
-                    } else {
-                        String::new()
-                    };
-                    let _ = write!(
-                        self.text,
-                        r#"<joint name="{}" axis="{}" {range}/>"#,
-                        escape(&joint.name),
-                        numbers(axis.normalize().as_slice())
-                    );
-                    self.joints_met.insert(&joint.name);
+                    self.joint(joint)?;
+                    let own = self.merged.get(child).copied();
+                    self.link(child, false, own.as_ref(), true)?;
                 }
                 ref other => {
                     return Err(SimulatorError::Urdf(format!(
@@ -161,7 +275,6 @@ impl<'a> Writer<'a> {
                     )));
                 }
             }
-            self.link(&joint.child.link, of_trunk && joint.joint_type == JointType::Fixed)?;
             self.text += "</body>";
         }
         Ok(())
@@ -169,37 +282,42 @@ impl<'a> Writer<'a> {
 }
 
 /// The whole MJCF: options, floor, light, robot, motors and sensors.
-pub(super) fn mjcf(urdf: &str, names: &Names, options: &SimulatorOptions) -> Result<String, SimulatorError> {
-    let robot = urdf_rs::read_from_string(urdf).map_err(|e| SimulatorError::Urdf(e.to_string()))?;
+pub(super) fn mjcf(of: &Robot, options: &SimulatorOptions, meshes: Meshes) -> Result<Mjcf, SimulatorError> {
+    let robot = of.description.robot();
     let children: HashSet<&str> = robot.joints.iter().map(|j| j.child.link.as_str()).collect();
     let roots: Vec<&str> = robot.links.iter().map(|l| l.name.as_str()).filter(|l| !children.contains(l)).collect();
     let [root] = roots[..] else {
         return Err(SimulatorError::Urdf(format!("expected one root link, found {}: {roots:?}", roots.len())));
     };
+    let joint_names = of.joint_names();
     let mut writer = Writer {
-        robot: &robot,
+        of,
+        robot,
         colors: robot.materials.iter().filter_map(|m| Some((m.name.as_str(), m.color.as_ref()?.rgba.0))).collect(),
-        toes: names.toes.iter().map(String::as_str).collect(),
+        toes: of.legs.iter().map(|leg| of.model.frame_name(leg.toe)).collect(),
         text: String::new(),
+        meshes,
+        notes: Vec::new(),
         joints_met: HashSet::new(),
+        merged: HashMap::new(),
     };
-    writer.link(root, true)?;
-    let (bodies, joints_met) = (writer.text, writer.joints_met);
-    if let Some(missing) = names.joints.iter().find(|n| !joints_met.contains(n.as_str())) {
+    writer.find_merged(root);
+    let torso = writer.merged.get(root).copied();
+    writer.link(root, true, torso.as_ref(), true)?;
+    let Writer { text: bodies, joints_met, meshes, mut notes, .. } = writer;
+    if let Some(missing) = joint_names.iter().find(|n| !joints_met.contains(n.as_str())) {
         return Err(SimulatorError::Urdf(format!(
             "joint \"{missing}\" of the robot file is not a moving joint of the URDF"
         )));
     }
-    let link_names: HashSet<&str> = robot.links.iter().map(|l| l.name.as_str()).collect();
-    if let Some(missing) = names.toes.iter().find(|n| !link_names.contains(n.as_str())) {
-        return Err(SimulatorError::Urdf(format!("toe link \"{missing}\" of the robot file is not in the URDF")));
-    }
-    let motors: String = names.joints.iter().map(|j| format!(r#"<motor joint="{}"/>"#, escape(j))).collect();
+    let motors: String = joint_names.iter().map(|j| format!(r#"<motor joint="{}"/>"#, escape(&own(j)))).collect();
+    let (mesh_assets, has_meshes) = (meshes.assets(), meshes.any());
+    notes.extend(meshes.note());
     let (terrain_assets, terrain) = options.terrain.mjcf();
     let gravity = numbers(&options.terrain.gravity_m_s2());
     let SimulatorOptions { timestep_s, friction, .. } = options;
     let (shadow_pixels, samples) = if options.fine_pictures { (4096, 8) } else { (0, 0) };
-    Ok(format!(
+    let text = format!(
         r#"<mujoco model="{name}">
 <compiler angle="radian" autolimits="true"/>
 <option timestep="{timestep_s}" gravity="{gravity}" cone="elliptic" integrator="implicitfast" impratio="10"><flag autoreset="disable"/></option>
@@ -225,7 +343,7 @@ pub(super) fn mjcf(urdf: &str, names: &Names, options: &SimulatorOptions) -> Res
   <material name="floor" texture="floor" texrepeat="1 1" texuniform="true" reflectance="0" specular="0.1"/>
   <material name="stair0" rgba="0.70 0.73 0.77 1"/><material name="stair1" rgba="0.62 0.66 0.71 1"/>
   {terrain_assets}
-</asset>
+  {mesh_assets}</asset>
 <worldbody>
   {terrain}
   <body name="{BASE}"><freejoint/><site name="{IMU}"/>
@@ -237,5 +355,6 @@ pub(super) fn mjcf(urdf: &str, names: &Names, options: &SimulatorOptions) -> Res
 </mujoco>
 "#,
         name = escape(&robot.name),
-    ))
+    );
+    Ok(Mjcf { text, notes, has_meshes })
 }

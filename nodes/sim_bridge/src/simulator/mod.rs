@@ -6,6 +6,7 @@
 //! command that is not finite, or that is too old, leaves the joints damped (kp = 0).
 
 mod description;
+mod meshes;
 mod picture;
 mod random;
 mod terrain;
@@ -219,6 +220,7 @@ pub struct Simulator {
     pushes: Vec<Push>,
     first_height_m: f64,
     gravity: Vector3<f64>,
+    notes: Vec<String>,
 }
 
 impl std::fmt::Debug for Simulator {
@@ -231,6 +233,24 @@ impl std::fmt::Debug for Simulator {
     }
 }
 
+/// The robot in MuJoCo, and what of its description is not in there. Where MuJoCo refuses the model with meshes, it gets it
+/// without: a picture is no reason not to walk.
+fn load(robot: &Robot, options: &SimulatorOptions) -> Result<(MjModel, Vec<String>), SimulatorError> {
+    let written = description::mjcf(robot, options, meshes::Meshes::of(robot.folder.as_deref()))?;
+    let refused = match MjModel::from_xml_string(&written.text) {
+        Ok(model) => return Ok((model, written.notes)),
+        Err(refused) => SimulatorError::Model(refused.to_string()),
+    };
+    if !written.has_meshes {
+        return Err(refused);
+    }
+    let bare = description::mjcf(robot, options, meshes::Meshes::none())?;
+    let model = MjModel::from_xml_string(&bare.text).map_err(|e| SimulatorError::Model(e.to_string()))?;
+    let mut notes = bare.notes;
+    notes.push(format!("no mesh is used, because {refused}"));
+    Ok((model, notes))
+}
+
 impl Simulator {
     /// Writes the robot's model, loads it into MuJoCo and puts the robot down standing.
     pub fn new(robot: &Robot, options: SimulatorOptions) -> Result<Self, SimulatorError> {
@@ -241,9 +261,7 @@ impl Simulator {
         options.check()?;
         let joint_names = robot.joint_names();
         let toes: [String; LEGS] = std::array::from_fn(|leg| robot.model.frame_name(robot.legs[leg].toe).to_owned());
-        let names = description::Names { joints: &joint_names, toes: &toes };
-        let xml = description::mjcf(&robot.urdf, &names, &options)?;
-        let mut model = MjModel::from_xml_string(&xml).map_err(|e| SimulatorError::Model(e.to_string()))?;
+        let (mut model, notes) = load(robot, &options)?;
         let heights = options.terrain.heights(options.seed);
         if !heights.is_empty() {
             model.hfield_data_mut().copy_from_slice(&heights);
@@ -256,13 +274,13 @@ impl Simulator {
         let mut position_at = [0; JOINTS];
         let mut velocity_at = [0; JOINTS];
         for (j, name) in joint_names.iter().enumerate() {
-            let joint = id(MjtObjBase::mjOBJ_JOINT, name)?;
+            let joint = id(MjtObjBase::mjOBJ_JOINT, &description::own(name))?;
             position_at[j] = model.jnt_qposadr()[joint] as usize;
             velocity_at[j] = model.jnt_dofadr()[joint] as usize;
         }
         let mut toe_geoms = [0; LEGS];
         for (leg, name) in toes.iter().enumerate() {
-            toe_geoms[leg] = id(MjtObjBase::mjOBJ_GEOM, name)?;
+            toe_geoms[leg] = id(MjtObjBase::mjOBJ_GEOM, &description::own(name))?;
         }
         let base_body = id(MjtObjBase::mjOBJ_BODY, description::BASE)?;
         let per_joint = |of_leg: [f64; 3]| std::array::from_fn(|j| of_leg[j % 3]);
@@ -296,6 +314,7 @@ impl Simulator {
             first_height_m: 0.0,
             gravity,
             options,
+            notes,
         };
         simulator.reset_to_posture(Posture::Stand);
         Ok(simulator)
@@ -304,6 +323,11 @@ impl Simulator {
     /// The options that the simulator was built with.
     pub fn options(&self) -> &SimulatorOptions {
         &self.options
+    }
+
+    /// What of the robot's description is not simulated as it says, a line each, for a person to read.
+    pub fn notes(&self) -> &[String] {
+        &self.notes
     }
 
     /// Total mass in MuJoCo's model, kg.

@@ -1,0 +1,205 @@
+//! What robot.toml says against what the URDF says: limits, places of the legs, the standing posture.
+
+use rigid_body::{Data, Description, forward_kinematics, frame_position};
+use urdf_rs::JointType;
+
+use crate::{Leg, Limits, Nominal, Robot, RobotError};
+
+/// Largest angle that a posture may have, rad: one turn. Beyond it degrees are meant.
+const POSTURE_MOST_RAD: f64 = 6.3;
+/// Largest angle that a limit may have, rad: two turns.
+const LIMIT_MOST_RAD: f64 = 12.6;
+/// How far limits may differ by rounding in a file.
+const ROUNDING: f64 = 1e-4;
+/// How far a toe may stand from the nominal posture, as a fraction of the nominal height.
+const POSTURE_TOLERANCE: f64 = 0.05;
+/// How far a toe may be on the wrong side, m: a leg may stand below the middle plane.
+const MIDDLE_M: f64 = 1e-3;
+
+/// The leg's angles must be radians.
+pub(crate) fn check_radians(leg: &Leg, number: usize) -> Result<(), RobotError> {
+    for (name, values, most) in [
+        ("position_min_rad", &leg.position_min_rad, LIMIT_MOST_RAD),
+        ("position_max_rad", &leg.position_max_rad, LIMIT_MOST_RAD),
+        ("stand_rad", &leg.stand_rad, POSTURE_MOST_RAD),
+        ("sit_rad", &leg.sit_rad, POSTURE_MOST_RAD),
+    ] {
+        if let Some(k) = (0..3).find(|&k| values[k].abs() > most) {
+            let degrees = values[k];
+            let field = format!("legs[{number}].{name}[{k}]");
+            return Err(RobotError::Degrees { field, degrees, radians: degrees.to_radians() });
+        }
+    }
+    Ok(())
+}
+
+/// Narrows the leg's position limits to the URDF's, with a line for what was wider.
+pub(crate) fn narrow_positions(
+    leg: &mut Leg,
+    number: usize,
+    description: &Description,
+    notes: &mut Vec<String>,
+) -> Result<(), RobotError> {
+    for k in 0..3 {
+        let name = &leg.joints[k];
+        let Some(joint) = description.joint(name).filter(|joint| joint.joint_type == JointType::Revolute) else {
+            continue;
+        };
+        let (lower, upper) = (joint.limit.lower, joint.limit.upper);
+        if lower > upper {
+            return Err(RobotError::SwappedLimits { joint: name.clone(), lower, upper });
+        }
+        if lower == upper {
+            notes.push(format!("the URDF's joint '{name}' has the limits {lower} to {upper}: taken as none"));
+            continue;
+        }
+        if lower > leg.position_min_rad[k] + ROUNDING {
+            let found = leg.position_min_rad[k];
+            notes.push(wider(&format!("legs[{number}].position_min_rad[{k}]"), found, name, "lower limit", lower));
+            leg.position_min_rad[k] = lower;
+        }
+        if upper < leg.position_max_rad[k] - ROUNDING {
+            let found = leg.position_max_rad[k];
+            notes.push(wider(&format!("legs[{number}].position_max_rad[{k}]"), found, name, "upper limit", upper));
+            leg.position_max_rad[k] = upper;
+        }
+        if leg.position_min_rad[k] >= leg.position_max_rad[k] {
+            return Err(RobotError::AgainstUrdf {
+                field: format!("legs[{number}].position_min_rad[{k}]"),
+                found: leg.position_min_rad[k],
+                joint: name.clone(),
+                what: "range",
+                allowed: format!("{lower} to {upper}"),
+                cure: "they have nothing in common",
+            });
+        }
+        if !(lower - ROUNDING..=upper + ROUNDING).contains(&leg.sit_rad[k]) {
+            notes.push(format!(
+                "legs[{number}].sit_rad[{k}] is {}, outside the range {lower} to {upper} of the URDF's joint '{name}'",
+                leg.sit_rad[k]
+            ));
+        }
+    }
+    Ok(())
+}
+
+fn wider(field: &str, found: f64, joint: &str, what: &str, used: f64) -> String {
+    format!(
+        "robot.toml's {field}, {found}, is wider than the {what} {used} of the URDF's joint '{joint}': {used} is used"
+    )
+}
+
+/// Narrows torque and velocity limits to the URDF's, with a line; a plan may not use more than the URDF's effort.
+pub(crate) fn narrow_limits(
+    limits: &mut Limits,
+    legs: &[Leg; 4],
+    description: &Description,
+    notes: &mut Vec<String>,
+) -> Result<(), RobotError> {
+    for (k, name) in legs.iter().flat_map(|leg| leg.joints.iter().enumerate()) {
+        let Some(joint) = description.joint(name) else { continue };
+        // None given reads as 0.
+        let (effort, velocity) = (joint.limit.effort, joint.limit.velocity);
+        if effort > 0.0 && limits.plan_torque_nm[k] > effort * (1.0 + ROUNDING) {
+            return Err(RobotError::AgainstUrdf {
+                field: format!("limits.plan_torque_nm[{k}]"),
+                found: limits.plan_torque_nm[k],
+                joint: name.clone(),
+                what: "effort",
+                allowed: effort.to_string(),
+                cure: "plan with less, or correct the URDF",
+            });
+        }
+        if effort > 0.0 && limits.drive_torque_nm[k] > effort * (1.0 + ROUNDING) {
+            let field = format!("limits.drive_torque_nm[{k}]");
+            notes.push(wider(&field, limits.drive_torque_nm[k], name, "effort", effort));
+            limits.drive_torque_nm[k] = effort;
+        }
+        if velocity > 0.0 && limits.velocity_rad_s[k] > velocity * (1.0 + ROUNDING) {
+            let field = format!("limits.velocity_rad_s[{k}]");
+            notes.push(wider(&field, limits.velocity_rad_s[k], name, "velocity", velocity));
+            limits.velocity_rad_s[k] = velocity;
+        }
+    }
+    Ok(())
+}
+
+/// Where the toes are in the torso's axes in the standing posture, m.
+fn standing_toes(robot: &Robot) -> [[f64; 3]; 4] {
+    let mut data = Data::new(&robot.model);
+    let mut q = [0.0; 18];
+    q[6..].copy_from_slice(&robot.stand_rad());
+    let zero = [0.0; 18];
+    forward_kinematics(&robot.model, &mut data, &q, &zero, &zero);
+    std::array::from_fn(|i| frame_position(&robot.model, &data, robot.legs[i].toe).into())
+}
+
+/// Each leg stands where its number says.
+pub(crate) fn check_places(robot: &Robot) -> Result<(), RobotError> {
+    const PLACES: [&str; 4] = ["front_left", "rear_left", "front_right", "rear_right"];
+    let toes = standing_toes(robot);
+    for (number, [x_m, y_m, _]) in toes.into_iter().enumerate() {
+        let (left, front) = (number < 2, number % 2 == 0);
+        let ahead = x_m - toes[number ^ 1][0];
+        let found = match (left, front) {
+            (true, _) if y_m < -MIDDLE_M => "on the right",
+            (false, _) if y_m > MIDDLE_M => "on the left",
+            (_, true) if ahead < 0.0 => "behind the rear leg",
+            (_, false) if ahead > 0.0 => "before the front leg",
+            _ => continue,
+        };
+        let (leg, toe) = (&robot.legs[number], robot.model.frame_name(robot.legs[number].toe));
+        let (leg, toe) = (leg.name.clone(), toe.to_owned());
+        return Err(RobotError::WrongPlace { place: PLACES[number], found, number, leg, toe, x_m, y_m });
+    }
+    Ok(())
+}
+
+/// How far a rear leg's standing angles may be from its front leg's: beyond it the knee bends to the other side, rad.
+const SAME_SIDE_RAD: f64 = 1.0;
+
+/// See [`Robot::check_rear_follows_front`].
+pub(crate) fn check_rear_follows_front(robot: &Robot) -> Result<(), RobotError> {
+    for (rear, front) in [(1, 2), (3, 0)] {
+        let (rear, front) = (&robot.legs[rear], &robot.legs[front]);
+        let sign = robot.mirror.joint_sign;
+        let fail = |what, found, image| {
+            Err(RobotError::RearDiffers { rear: rear.name.clone(), front: front.name.clone(), what, found, image })
+        };
+        let image: [f64; 3] = std::array::from_fn(|k| sign[k] * front.stand_rad[k]);
+        if (1..3).any(|k| (rear.stand_rad[k] - image[k]).abs() > SAME_SIDE_RAD) {
+            return fail("standing, they are at", rear.stand_rad, image);
+        }
+        let ends = |k: usize| {
+            let (a, b) = (sign[k] * front.position_min_rad[k], sign[k] * front.position_max_rad[k]);
+            (a.min(b), a.max(b))
+        };
+        if let Some(k) =
+            (0..3).find(|&k| ends(k).0.max(rear.position_min_rad[k]) >= ends(k).1.min(rear.position_max_rad[k]))
+        {
+            let image = [k as f64, ends(k).0, ends(k).1];
+            let found = [k as f64, rear.position_min_rad[k], rear.position_max_rad[k]];
+            return fail("joint number, lower and upper limit are", found, image);
+        }
+    }
+    Ok(())
+}
+
+/// The standing posture is the nominal one.
+pub(crate) fn check_posture(robot: &Robot) -> Result<(), RobotError> {
+    let Nominal { height_m, half_width_m } = robot.nominal;
+    let tolerance_m = POSTURE_TOLERANCE * height_m;
+    for (leg, toe) in robot.legs.iter().zip(standing_toes(robot)) {
+        let hip = robot.hip_height_m(leg);
+        for (what, field, found_m, nominal_m) in [
+            ("below the hip axes", "height_m", hip - toe[2], height_m),
+            ("from the middle plane", "half_width_m", toe[1].abs(), half_width_m),
+        ] {
+            if (found_m - nominal_m).abs() > tolerance_m {
+                let leg = leg.name.clone();
+                return Err(RobotError::Posture { leg, what, field, found_m, nominal_m, tolerance_m });
+            }
+        }
+    }
+    Ok(())
+}

@@ -1,0 +1,145 @@
+//! `tandem robot`: a robot's folder from its URDF, and a look at one.
+
+use crate::robots;
+use ::robot::Robot;
+use anyhow::{Context, Result, bail};
+use std::fmt::Write as _;
+use std::path::{Path, PathBuf};
+use std::process::ExitCode;
+use tandem_sim_bridge::simulator::{Camera, Renderer, Simulator, SimulatorOptions};
+
+/// Size of the picture of the standing robot, pixels.
+const PICTURE: (usize, usize) = (960, 640);
+
+/// Make a robot's folder from its URDF, or check one
+///
+///   tandem robot init my_robot.urdf -o config/robots/my_robot
+///   tandem robot check config/robots/my_robot
+#[derive(clap::Args)]
+#[command(verbatim_doc_comment)]
+pub struct Arguments {
+    #[command(subcommand)]
+    command: Command,
+}
+
+#[derive(clap::Subcommand)]
+enum Command {
+    /// Write a folder with robot.toml, the URDF and a picture of the standing robot, and say what must be looked at
+    Init {
+        /// URDF of a robot with four legs of three joints; xacro must be expanded
+        file: PathBuf,
+        /// Folder to write; without it, one of the robot's name here
+        #[arg(short, long, value_name = "FOLDER")]
+        output: Option<PathBuf>,
+        /// The robot's name; without it, the URDF's
+        #[arg(long, value_name = "NAME")]
+        name: Option<String>,
+        /// Replace a robot.toml that is there
+        #[arg(long)]
+        force: bool,
+    },
+    /// Load a robot as plans and simulation do, and print what they read
+    Check {
+        /// Name of a folder in config/robots, or the path of one
+        #[arg(default_value = "vision60", value_name = "NAME|FOLDER")]
+        robot: String,
+        /// Draw the standing robot (PNG)
+        #[arg(long, value_name = "FILE")]
+        picture: Option<PathBuf>,
+    },
+}
+
+/// Runs the subcommand.
+pub fn run(arguments: &Arguments) -> Result<ExitCode> {
+    match &arguments.command {
+        Command::Init { file, output, name, force } => init(file, output.as_deref(), name.as_deref(), *force)?,
+        Command::Check { robot, picture } => {
+            let folder = robots::folder(robot);
+            let robot = Robot::load(&folder).with_context(|| format!("robot \"{robot}\""))?;
+            let mut simulator = simulator(&robot)?;
+            print!("{}", summary(&robot, &simulator));
+            if let Some(file) = picture {
+                draw(&mut simulator, file)?;
+                println!("  wrote {}", file.display());
+            }
+        }
+    }
+    Ok(ExitCode::SUCCESS)
+}
+
+fn init(file: &Path, output: Option<&Path>, name: Option<&str>, force: bool) -> Result<()> {
+    let (urdf, converted) = Robot::read_text(file)?;
+    let name = match name {
+        Some(name) => name.to_owned(),
+        None => name_of(&urdf).with_context(|| file.display().to_string())?,
+    };
+    let proposal =
+        ::robot::propose(&name, &format!("{name}.urdf"), &urdf).with_context(|| file.display().to_string())?;
+    let folder = output.map_or_else(|| PathBuf::from(&name), Path::to_owned);
+    let toml = folder.join("robot.toml");
+    if toml.exists() && !force {
+        bail!("{} exists: give --force to replace it, or another folder with -o", toml.display());
+    }
+    std::fs::create_dir_all(&folder).with_context(|| format!("cannot make the folder {}", folder.display()))?;
+    crate::plan::write(&folder.join(format!("{name}.urdf")), &urdf)?;
+    crate::plan::write(&toml, &proposal.toml)?;
+    let robot = Robot::load(&folder)?;
+    let mut simulator = simulator(&robot)?;
+    print!("{}", summary(&robot, &simulator));
+    println!("  wrote {}", folder.display());
+    let picture = folder.join("standing.png");
+    match draw(&mut simulator, &picture) {
+        Ok(()) => println!("  wrote {}", picture.display()),
+        Err(problem) => println!("  {problem}"),
+    }
+    println!("Look at:");
+    for line in converted.iter().chain(&proposal.look_at) {
+        println!("  {line}");
+    }
+    Ok(())
+}
+
+/// The URDF's own name as a word.
+fn name_of(urdf: &str) -> Result<String> {
+    let description = rigid_body::Description::read(urdf)?;
+    let name = &description.robot().name;
+    let word: String =
+        name.chars().map(|c| if c.is_ascii_alphanumeric() { c.to_ascii_lowercase() } else { '_' }).collect();
+    Ok(if word.is_empty() { "robot".to_owned() } else { word })
+}
+
+fn simulator(robot: &Robot) -> Result<Simulator> {
+    Ok(Simulator::new(robot, SimulatorOptions::default())?)
+}
+
+fn draw(simulator: &mut Simulator, file: &Path) -> Result<()> {
+    let (width, height) = PICTURE;
+    let mut renderer = Renderer::new(simulator, width, height)?;
+    renderer.draw(simulator, Camera::ThreeQuarter)?.write_png(file)?;
+    Ok(())
+}
+
+fn summary(robot: &Robot, simulator: &Simulator) -> String {
+    let mut text = format!(
+        "{}: {:.2} kg, stands {:.3} m above its toes, {:.3} m from toe to middle plane\n",
+        robot.name,
+        robot.model.total_mass(),
+        robot.nominal.height_m,
+        robot.nominal.half_width_m
+    );
+    for leg in &robot.legs {
+        let toe = robot.model.frame_name(leg.toe);
+        let _ = writeln!(text, "  {:12} {} -> toe {toe}", leg.name, leg.joints.join(", "));
+        let _ = writeln!(text, "               stands at {:?} rad", leg.stand_rad);
+    }
+    let limits = &robot.limits;
+    let _ = writeln!(
+        text,
+        "  hip roll, hip pitch, knee: drives {:?} N m, plans {:?} N m, {:?} rad/s",
+        limits.drive_torque_nm, limits.plan_torque_nm, limits.velocity_rad_s
+    );
+    for note in robot.notes.iter().chain(simulator.notes()) {
+        let _ = writeln!(text, "  {note}");
+    }
+    text
+}
