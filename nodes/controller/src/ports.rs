@@ -80,10 +80,9 @@ pub fn tilt(message: &sensor_msgs::Imu) -> Result<Option<Tilt>, String> {
     if message.orientation_covariance[0] < 0.0 {
         return Ok(None);
     }
-    let mut q = message.orientation.clone();
+    let mut q = message.orientation;
     let length = (q.x * q.x + q.y * q.y + q.z * q.z + q.w * q.w).sqrt();
-    // Written so that NaN is refused as well.
-    if !((length - 1.0).abs() <= QUATERNION_TOLERANCE) {
+    if !length.is_finite() || (length - 1.0).abs() > QUATERNION_TOLERANCE {
         return Err(format!(
             "the orientation (x {}, y {}, z {}, w {}) has the length {length}: expected 1; an inertial unit without orientation \
              says so by orientation_covariance[0] = -1",

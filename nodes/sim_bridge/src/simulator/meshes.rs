@@ -9,14 +9,17 @@ const LIMIT_TRIANGLES: usize = 200_000;
 /// Largest file that is read.
 const LIMIT_BYTES: u64 = 200 << 20;
 
+/// An asset's name and text, or why there is none.
+type Met = Result<(String, String), String>;
+
 /// The meshes met so far, by file name and scale.
 pub(super) struct Meshes {
     /// The robot's folder, if it has one: file names are looked for from there.
     folder: Option<PathBuf>,
     /// Whether meshes are used at all.
     used: bool,
-    /// Per file name and scale, the asset's name and text, or why there is none.
-    met: BTreeMap<(String, [u64; 3]), Result<(String, String), String>>,
+    /// Per file name and scale.
+    met: BTreeMap<(String, [u64; 3]), Met>,
 }
 
 impl Meshes {
