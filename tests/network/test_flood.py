@@ -15,11 +15,12 @@ SECONDS = float(os.environ.get("TANDEM_FLOOD_SECONDS", "60"))
 RATE, SEED = 2000, int(os.environ.get("TANDEM_FLOOD_SEED", "1"))
 CALM_SECONDS = 20
 GROWTH_MB = 20
-# Where two processors are shared with the physics, the generator and the test, a wake is late now and then without any fault: of so
-# many cycles more than in calm one may be missed.
+# Where two processors are shared with the physics, the generator and the test, a wake is late now and then without any
+# fault: of so many cycles more than in calm one may be missed.
 TOLERANCE = 0.005
 
-# A participant of its own, because the test's own one has heard the flood, and whoever believes a farewell is not the robot's fault.
+# A participant of its own, because the test's own one has heard the flood, and whoever believes a farewell is not the
+# robot's fault.
 ASKER = """
 import json, os, sys, time
 sys.path.insert(0, "tests/ros2")

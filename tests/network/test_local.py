@@ -10,7 +10,8 @@ import rtps
 from conftest import TARGET
 from test_hosts import PLANNER, ROBOT, hosts  # noqa: F401 (hosts is a fixture)
 
-# A participant announces itself from the other host, and says that it is found on the loopback: whoever hears it asks there.
+# A participant announces itself from the other host, and says that it is found on the loopback: whoever hears it asks
+# there.
 FOUND_AT = 45555
 SEND = """
 import socket, sys, time

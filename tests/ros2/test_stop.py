@@ -15,8 +15,8 @@ from conftest import Client, wait_until
 
 NAMESPACE = "/stopped"
 TRIES = int(os.environ.get("TANDEM_STOP_TRIES", "5"))
-# Between two messages of controller_state, and the way to the client, on a machine that runs tests.
-SEEN_WITHIN_S = 1.0
+# The way to the client, on a machine that runs tests.
+SEEN_WITHIN_S = 5.0
 
 
 class Robot:
@@ -131,8 +131,10 @@ def pressed_and_taken_back(robot, delay_s):
     while time.monotonic() < pressed + delay_s:
         pass
     robot.release.publish(no)
-    wait_until(lambda: robot.state().mode != "walking" or time.monotonic() > pressed + SEEN_WITHIN_S, 10, "a second passes")
+    wait_until(lambda: robot.state().mode != "walking" or time.monotonic() > pressed + SEEN_WITHIN_S, 10, "time passes")
     damped = [at for at, state in robot.states if at >= pressed and state.mode == "damping" and state.fault == "emergency_stop"]
+    if not damped:
+        print([(round(at - pressed, 4), state.mode, state.fault) for at, state in robot.states if at > pressed - 0.1][:40], flush=True)
     robot.press.publish(no)
     return (damped[0] - pressed) if damped else None
 

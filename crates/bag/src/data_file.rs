@@ -1,4 +1,5 @@
-//! A bag's data file as it can be read without a trace beside it: unpacked or copied to a private place where that is needed.
+//! A bag's data file as it can be read without a trace beside it: unpacked or copied to a private place where that is
+//! needed.
 
 use std::fs::{self, File};
 use std::io::Read;

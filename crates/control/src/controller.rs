@@ -294,8 +294,8 @@ impl Controller {
         })
     }
 
-    /// Everything that the next step depends on besides the configuration and its input: a recording that begins now can be run
-    /// again from here. `Copy`: taking it allocates nothing.
+    /// Everything that the next step depends on besides the configuration and its input: a recording that begins now
+    /// can be run again from here. `Copy`: taking it allocates nothing.
     pub fn snapshot(&self) -> Snapshot {
         // Written out, so that a new field cannot be forgotten.
         let Self {
@@ -343,8 +343,8 @@ impl Controller {
         }
     }
 
-    /// A controller that goes on where another with the same configuration was. For running a recording again, not for robots:
-    /// those begin disarmed.
+    /// A controller that goes on where another with the same configuration was. For running a recording again, not for
+    /// robots: those begin disarmed.
     ///
     /// # Errors
     /// As [`Controller::new`].
@@ -490,8 +490,8 @@ impl Controller {
             let c = &self.config;
             let outside = (c.position_min_rad[j] - q).max(q - c.position_max_rad[j]);
             let fastest = IMPLAUSIBLE_VELOCITY * c.velocity_limit_rad_s[j];
-            // Joints that nothing holds rest where their mechanical stops are, beyond the limits of commands: no fault of the encoder's. Until
-            // they are back, arming and standing up are refused (`posture_problem`).
+            // Joints that nothing holds rest where their mechanical stops are, beyond the limits of commands: no fault
+            // of the encoder's. Until they are back, arming and standing up are refused (`posture_problem`).
             if outside > c.position_fault_rad && self.mode.is_moving() {
                 found = Some(problem(
                     Fault::PositionOutOfRange,
@@ -578,8 +578,9 @@ impl Controller {
         }
     }
 
-    /// A joint that does not move with its command is stuck. Only in a whole walk, where every foot is lifted once in two steps:
-    /// friction may hold a foot that carries the robot from posture to posture, or that hardly leaves the ground.
+    /// A joint that does not move with its command is stuck. Only in a whole walk, where every foot is lifted once in
+    /// two steps: friction may hold a foot that carries the robot from posture to posture, or that hardly leaves the
+    /// ground.
     fn watch_stillness(&mut self, joint: usize, q: f64, now: Duration) {
         let commanded = self.command.position_rad[joint];
         let mut still = Still { position_rad: q, least_rad: commanded, most_rad: commanded, heard: now };
@@ -822,7 +823,8 @@ impl Controller {
         self.motion = Motion::Ramp { ramp: Ramp { from, to, duration_s, gain_s }, start: now, then };
     }
 
-    /// From what is commanded now: in torque mode the command carries no gains, so the motion is asked, not the command.
+    /// From what is commanded now: in torque mode the command carries no gains, so the motion is asked, not the
+    /// command.
     fn ramp_from_command(&mut self, to: JointCommand, duration_s: f64, then: Then, now: Duration) {
         let from = self.setpoint(now);
         self.ramp(from, to, duration_s, then, now);
@@ -885,8 +887,9 @@ impl Controller {
         });
     }
 
-    /// How much of the gait's motion about its middle posture is walked at `now`, and the rate of that, 1/s. A robot that stands has
-    /// no speed and its feet side by side; asked for the whole gait at once, its drives would have to make up for both.
+    /// How much of the gait's motion about its middle posture is walked at `now`, and the rate of that, 1/s. A robot
+    /// that stands has no speed and its feet side by side; asked for the whole gait at once, its drives would have to
+    /// make up for both.
     fn share(&self, clock: &GaitClock, now: Duration) -> (f64, f64) {
         let (first, duration_s) = (self.config.start_share, self.config.start_growth_s);
         let x = now.saturating_sub(clock.start).as_secs_f64() / duration_s;
@@ -897,8 +900,8 @@ impl Controller {
         (first + left * x * x * (3.0 - 2.0 * x), left * 6.0 * x * (1.0 - x) / duration_s)
     }
 
-    /// At a switch: all four feet are on the ground where they are to stay, so the posture of the switch is kept and only
-    /// its motion runs out, over a third of the way that it would go in that time.
+    /// At a switch: all four feet are on the ground where they are to stay, so the posture of the switch is kept and
+    /// only its motion runs out, over a third of the way that it would go in that time.
     fn come_to_rest(&mut self, now: Duration) {
         let (Some(gait), Motion::Gait(clock)) = (self.gait, self.motion) else {
             return;
@@ -1139,8 +1142,9 @@ impl Controller {
     }
 }
 
-/// `share` of a gait's motion about the middle of its two switches, where that share grows at `rate` 1/s. To first order the base
-/// moves over two legs like an inverted pendulum, whose motions about a posture of balance are motions at any size.
+/// `share` of a gait's motion about the middle of its two switches, where that share grows at `rate` 1/s. To first
+/// order the base moves over two legs like an inverted pendulum, whose motions about a posture of balance are motions
+/// at any size.
 fn shrunk(gait: &PreparedGait, at: Instant, share: f64, rate: f64) -> Instant {
     // To the bit the gait itself.
     if share >= 1.0 {

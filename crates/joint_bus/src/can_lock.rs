@@ -4,8 +4,8 @@ use std::io;
 use std::os::linux::net::SocketAddrExt as _;
 use std::os::unix::net::{SocketAddr, UnixListener};
 
-/// Held while its process lives: the kernel lets go of it at the process's death, whatever its cause. It is a name among the
-/// abstract Unix sockets, which are the network namespace's own, as CAN interfaces are.
+/// Held while its process lives: the kernel lets go of it at the process's death, whatever its cause. It is a name
+/// among the abstract Unix sockets, which are the network namespace's own, as CAN interfaces are.
 #[derive(Debug)]
 pub struct CanLock {
     _name: UnixListener,

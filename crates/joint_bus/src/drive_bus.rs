@@ -15,8 +15,8 @@ const REENTER_EVERY: u64 = 50;
 const STEADY: Duration = Duration::from_secs(2);
 /// A link that is down for longer than this is a fault; a shorter break is bridged by the drives holding their command.
 const DOWN_FAULT: Duration = Duration::from_millis(5);
-/// A command of somebody else is told of for so long: longer than one lost cycle, short enough that the fault can be cleared
-/// once the other is gone.
+/// A command of somebody else is told of for so long: longer than one lost cycle, short enough that the fault can be
+/// cleared once the other is gone.
 const STRANGER_MEMORY: Duration = Duration::from_millis(500);
 /// Behind the opening of a link its old socket's frames may still leave the queue, and the new socket hears them.
 const OWN_ECHO: Duration = Duration::from_millis(100);
@@ -111,8 +111,8 @@ pub struct BusHealth {
 
 /// Twelve joints to read from and to write to. Nothing here ever blocks or allocates.
 pub trait JointBus {
-    /// The time of the cycle that begins at `wall` on the monotonic clock: that clock itself, unless the joints are simulated
-    /// and their time is another.
+    /// The time of the cycle that begins at `wall` on the monotonic clock: that clock itself, unless the joints are
+    /// simulated and their time is another.
     fn now(&mut self, wall: Duration) -> Duration {
         wall
     }
@@ -266,8 +266,8 @@ impl<P: Protocol, L: Link> DriveBus<P, L> {
         if !drives_on {
             return DriveRequest::Exit;
         }
-        // The frame that told a drive to enter may have been lost, and its watchdog may have tripped. While it is only to be
-        // damped it can be told again without a surprise; not every time, because entering forgets the damping.
+        // The frame that told a drive to enter may have been lost, and its watchdog may have tripped. While it is only
+        // to be damped it can be told again without a surprise; not every time, because entering forgets the damping.
         let damped = command.kp[j] == 0.0 && command.torque_nm[j] == 0.0;
         let again = self.errors[j] != 0 && damped && self.writes.is_multiple_of(REENTER_EVERY);
         if !self.entered[j] || again {
@@ -366,7 +366,8 @@ impl<P: Protocol, L: Link> JointBus for DriveBus<P, L> {
                 continue;
             }
             let request = self.request(j, command, drives_on);
-            // A command that is not finite never leaves the controller; if one did, the drive's watchdog would take over.
+            // A command that is not finite never leaves the controller; if one did, the drive's watchdog would take
+            // over.
             let Ok(frame) = self.protocol.encode_request(id, &ranges, &request) else { continue };
             let state = &mut self.links[n];
             match state.link.send(&frame, now) {

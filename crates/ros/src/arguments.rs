@@ -55,20 +55,21 @@ impl Default for Arguments {
 }
 
 impl Arguments {
-    /// Reads the process's own command line and environment. The second part is what stands outside `--ros-args`, program
-    /// name first, as an argument parser wants it.
+    /// Reads the process's own command line and environment. The second part is what stands outside `--ros-args`,
+    /// program name first, as an argument parser wants it.
     ///
     /// # Errors
     /// Names the first argument, file or variable that is not understood.
     pub fn from_process() -> Result<(Self, Vec<String>), RosError> {
-        // What is not Unicode is not taken for unset: each reader refuses the replaced characters by the variable's name.
+        // What is not Unicode is not taken for unset: each reader refuses the replaced characters by the variable's
+        // name.
         let variable = |name: &str| Some(std::env::var_os(name)?.to_string_lossy().into_owned());
         let (arguments, rest) = Self::parse(std::env::args(), variable)?;
         Ok((arguments.supervised(), rest))
     }
 
-    /// For a program that is a node and nothing else, as [`Arguments::from_process`] makes it: a panic in any thread of the process is the
-    /// node's failure and ends it with an error.
+    /// For a program that is a node and nothing else, as [`Arguments::from_process`] makes it: a panic in any thread of
+    /// the process is the node's failure and ends it with an error.
     #[must_use]
     pub fn supervised(mut self) -> Self {
         self.supervised = true;
@@ -130,8 +131,8 @@ impl Arguments {
                     }
                 }
                 "-e" | "--enclave" => {
-                    // Accepted, as every ROS 2 launch file may give it. It names what security would use and does not ask
-                    // for it: `refuse_security` answers those who ask.
+                    // Accepted, as every ROS 2 launch file may give it. It names what security would use and does not
+                    // ask for it: `refuse_security` answers those who ask.
                     value()?;
                 }
                 "--enable-rosout-logs" => parsed.rosout = true,

@@ -23,17 +23,18 @@ const LINE_CHARS: usize = 4000;
 /// Lines that wait for the publisher. When it is full further lines reach standard error only: logging never waits.
 const WAITING_LINES: usize = 1024;
 
-/// Lines of the middleware a second: most of them are about what others send, and whoever floods it must not fill the log.
+/// Lines of the middleware a second: most of them are about what others send, and whoever floods it must not fill the
+/// log.
 const MIDDLEWARE_LINES: u64 = 10;
 
 static ROSOUT: OnceLock<SyncSender<Log>> = OnceLock::new();
 
-/// Installs the process's log subscriber, once; a program that has its own keeps it. The first node of a process gets the
-/// lines for `/rosout`.
+/// Installs the process's log subscriber, once; a program that has its own keeps it. The first node of a process gets
+/// the lines for `/rosout`.
 pub(crate) fn start(arguments: &Arguments, node: &str) -> Option<Receiver<Log>> {
-    // The middleware's own warnings are about other participants' endpoints more often than about ours, and two of its modules
-    // call errors what is none: other types on a topic, which a subscription says itself, and leaving a group that the loopback
-    // never joined.
+    // The middleware's own warnings are about other participants' endpoints more often than about ours, and two of its
+    // modules call errors what is none: other types on a topic, which a subscription says itself, and leaving a group
+    // that the loopback never joined.
     let mut directives = format!(
         "{},rustdds=error,ros2_client=error,rustdds::discovery::discovery_db=off,rustdds::network::udp_listener=off",
         arguments.log_level.as_deref().unwrap_or("info")
@@ -71,8 +72,8 @@ fn write_field(writer: &mut impl std::fmt::Write, name: &str, value: &dyn std::f
     if name == "message" { write!(writer, "{text}") } else { write!(writer, " {name}={text}") }
 }
 
-/// Lets so many of the middleware's lines pass in each second, and all others. The innermost layer: it is asked for lines that the
-/// filter lets pass.
+/// Lets so many of the middleware's lines pass in each second, and all others. The innermost layer: it is asked for
+/// lines that the filter lets pass.
 struct FewLines {
     began: Instant,
     /// The second in the upper half, the lines in it in the lower.

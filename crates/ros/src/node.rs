@@ -33,12 +33,14 @@ use crate::{Clock, Qos, RosError, Wire, logging};
 /// How long the end of a node may take before it is given up.
 const SHUTDOWN_PATIENCE: Duration = Duration::from_millis(1200);
 
-/// How long the middleware gets to send that the node is gone. Without it some peers keep the node for their lease, 20 to 50 s.
+/// How long the middleware gets to send that the node is gone. Without it some peers keep the node for their lease, 20
+/// to 50 s.
 const FAREWELL: Duration = Duration::from_millis(150);
 
 /// How long participants get to introduce themselves to each other before the node announces its endpoints. Fast DDS
-/// acknowledges announcements that overtake the introduction, and then forgets them: the endpoints, often the whole node, stay
-/// unseen there for good. Without the wait a node that started beside a running rclpy was lost in 15 of 30 starts on a busy machine, with 0.3 s in none of 60.
+/// acknowledges announcements that overtake the introduction, and then forgets them: the endpoints, often the whole
+/// node, stay unseen there for good. Without the wait a node that started beside a running rclpy was lost in 15 of 30
+/// starts on a busy machine, with 0.3 s in none of 60.
 const INTRODUCTION: Duration = Duration::from_millis(500);
 
 /// How often the threads that run callbacks show that they do.
@@ -67,8 +69,9 @@ impl Stop {
         *self.sender.borrow()
     }
 
-    /// Why the node ends against its will, if it does: a thread panicked or stands still, or the process itself was stopped (SIGSTOP,
-    /// Ctrl-Z) and went on, which its connections do not outlive. A program ends with an error then, for a supervisor to start it anew.
+    /// Why the node ends against its will, if it does: a thread panicked or stands still, or the process itself was
+    /// stopped (SIGSTOP, Ctrl-Z) and went on, which its connections do not outlive. A program ends with an error then,
+    /// for a supervisor to start it anew.
     #[must_use]
     pub fn failure(&self) -> Option<String> {
         self.health.failure()
@@ -155,8 +158,9 @@ pub(crate) fn dds_name(full: &str) -> Result<Name, RosError> {
 
 /// A ROS 2 node.
 ///
-/// Callbacks run on the node's own threads (two of them): they must be short and must not block; hand data over by a channel.
-/// Service handlers run on a thread where they may take their time, one request after the other for each service.
+/// Callbacks run on the node's own threads (two of them): they must be short and must not block; hand data over by a
+/// channel. Service handlers run on a thread where they may take their time, one request after the other for each
+/// service.
 ///
 /// A process has one node: the middleware does not match endpoints of one participant with each other where there is no
 /// multicast.
@@ -174,9 +178,9 @@ pub struct Node {
 
 impl Node {
     /// Starts a node with a default name and the namespace `/`; the command line may change both.
-    /// Also installs the log subscriber (standard error and `/rosout`), the handlers of SIGINT and SIGTERM (the process ends within 2 s
-    /// whatever hangs; a second one, a second later or more, ends it at once), the watch over its threads, the parameter services and,
-    /// with `use_sim_time`, the clock.
+    /// Also installs the log subscriber (standard error and `/rosout`), the handlers of SIGINT and SIGTERM (the process
+    /// ends within 2 s whatever hangs; a second one, a second later or more, ends it at once), the watch over its
+    /// threads, the parameter services and, with `use_sim_time`, the clock.
     ///
     /// # Errors
     /// Wrong names or parameters, or when the middleware cannot start (no network interface, no free port).
@@ -240,8 +244,8 @@ impl Node {
         node.every(WORKERS_PERIOD, move || {
             workers.fetch_add(1, Ordering::Relaxed);
         });
-        // In place of the middleware's own task, which also follows other nodes' descriptions (and keeps them for ever) and reads
-        // /clock as another type.
+        // In place of the middleware's own task, which also follows other nodes' descriptions (and keeps them for ever)
+        // and reads /clock as another type.
         node.spawn(Matches::follow(Arc::clone(&node.core), listener));
         node.serve_parameters()?;
         if let Some(lines) = lines {
@@ -346,8 +350,8 @@ impl Node {
         Ok(RawPublisher::new(full, slot))
     }
 
-    /// A subscription that lives as long as the node. Messages of publishers that announce another type, and messages that do
-    /// not decode, are dropped with a warning; arrays' lengths and values are the callback's to check.
+    /// A subscription that lives as long as the node. Messages of publishers that announce another type, and messages
+    /// that do not decode, are dropped with a warning; arrays' lengths and values are the callback's to check.
     ///
     /// # Errors
     /// A wrong name, or the middleware's reason.
@@ -360,8 +364,8 @@ impl Node {
         self.subscribe_from(topic, qos, move |_, message| callback(message), |_| {})
     }
 
-    /// As [`Node::subscribe`], with each message's publisher, and told of every publisher (of any topic) that is gone. A publisher's messages
-    /// come before its departure.
+    /// As [`Node::subscribe`], with each message's publisher, and told of every publisher (of any topic) that is gone.
+    /// A publisher's messages come before its departure.
     ///
     /// # Errors
     /// A wrong name, or the middleware's reason.
@@ -435,8 +439,8 @@ impl Node {
         Ok(())
     }
 
-    /// A service. `handler` runs on a thread where it may take its time; requests are answered one after the other, in the
-    /// order of their arrival, none is lost.
+    /// A service. `handler` runs on a thread where it may take its time; requests are answered one after the other, in
+    /// the order of their arrival, none is lost.
     ///
     /// # Errors
     /// A wrong name, or the middleware's reason.
@@ -483,8 +487,9 @@ impl Node {
         Ok(())
     }
 
-    /// An action. One goal runs at a time, on a thread where it may take its time; `waiting` goals may wait behind it, more are
-    /// rejected, and all while `accept` gives a reason to. The handler looks at [`Goal::is_cancelled`] and ends with [`GoalEnd::Cancelled`] when it is.
+    /// An action. One goal runs at a time, on a thread where it may take its time; `waiting` goals may wait behind it,
+    /// more are rejected, and all while `accept` gives a reason to. The handler looks at [`Goal::is_cancelled`] and
+    /// ends with [`GoalEnd::Cancelled`] when it is.
     ///
     /// # Errors
     /// A wrong name, or the middleware's reason.
@@ -558,8 +563,9 @@ impl Node {
         ParameterBuilder::new(Arc::clone(&self.store), name, default)
     }
 
-    /// Call it when all parameters are declared: from then on (and at the latest a second after the node's start) the parameter
-    /// services answer. Warns of values given on the command line or in files that no parameter of this node takes.
+    /// Call it when all parameters are declared: from then on (and at the latest a second after the node's start) the
+    /// parameter services answer. Warns of values given on the command line or in files that no parameter of this node
+    /// takes.
     pub fn parameters_are_declared(&self) {
         self.store.complete();
         for name in self.store.unused_overrides() {
@@ -586,9 +592,9 @@ impl Node {
         }
     }
 
-    /// The same node once more, for endpoints and tasks that come and go while the node stays: they are gone when the part is
-    /// dropped (or [shut down](Node::shutdown)), and at the latest with the node itself. Parameters, name, clock and
-    /// [`Node::stop`] are the whole node's.
+    /// The same node once more, for endpoints and tasks that come and go while the node stays: they are gone when the
+    /// part is dropped (or [shut down](Node::shutdown)), and at the latest with the node itself. Parameters, name,
+    /// clock and [`Node::stop`] are the whole node's.
     #[must_use]
     pub fn part(&self) -> Node {
         Node {
@@ -638,7 +644,8 @@ impl Node {
     }
 
     /// Ends the node so that others see it leave at once: publishers and clients first, then the node and the
-    /// participant. Publishers that are still held elsewhere report [`PublishError::ShutDown`](crate::PublishError::ShutDown).
+    /// participant. Publishers that are still held elsewhere report
+    /// [`PublishError::ShutDown`](crate::PublishError::ShutDown).
     pub fn shutdown(mut self) {
         self.end();
     }
@@ -672,7 +679,8 @@ impl Node {
         drop(self.guard.take());
     }
 
-    /// Takes a part's endpoints away. Waits without the runtime: the last holder of a part may be one of the runtime's own tasks.
+    /// Takes a part's endpoints away. Waits without the runtime: the last holder of a part may be one of the runtime's
+    /// own tasks.
     fn end_part(&mut self) {
         let tasks = std::mem::take(&mut *self.tasks.lock().unwrap_or_else(PoisonError::into_inner));
         for task in &tasks {

@@ -28,7 +28,8 @@ const LONGEST_LOOK: Duration = Duration::from_millis(10);
 /// A gap between two looks, with SIGCONT at its end, is a suspension of the process; a busy machine alone makes no
 /// SIGCONT.
 const SUSPENSION: Duration = Duration::from_millis(100);
-/// The machine slept for so long. A gap alone, without SIGCONT and without sleep, is a machine that stands still: no failure of this process.
+/// The machine slept for so long. A gap alone, without SIGCONT and without sleep, is a machine that stands still: no
+/// failure of this process.
 const SLEEP: Duration = Duration::from_secs(1);
 
 static ENDS: AtomicU32 = AtomicU32::new(0);

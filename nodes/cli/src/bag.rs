@@ -89,8 +89,17 @@ pub fn run(arguments: &Arguments) -> Result<ExitCode> {
     }
 }
 
+/// Opens a bag, and says what it should have and has not.
+fn open(path: &Path) -> Result<Bag> {
+    let bag = Bag::open(path)?;
+    for note in bag.notes() {
+        eprintln!("{note}");
+    }
+    Ok(bag)
+}
+
 fn info(arguments: &InfoArguments) -> Result<ExitCode> {
-    let bag = Bag::open(&arguments.bag)?;
+    let bag = open(&arguments.bag)?;
     let (start_ns, end_ns) = bag.span_ns().unwrap_or((0, 0));
     let duration_s = (end_ns - start_ns) as f64 * 1e-9;
     let cycles = replay::continuity(&bag)?;
@@ -174,6 +183,7 @@ fn recover(arguments: &RecoverArguments) -> Result<ExitCode> {
 
 fn verify(arguments: &VerifyArguments) -> Result<ExitCode> {
     let begun = Instant::now();
+    drop(open(&arguments.bag)?);
     let result = replay::verify(&arguments.bag)?;
     let took_s = begun.elapsed().as_secs_f64();
     println!(
@@ -213,7 +223,7 @@ fn export(arguments: &ExportArguments) -> Result<ExitCode> {
 
 /// Writes a bag's topics as CSV, one file for each, into a folder that is empty or not there. `topics`: only these; none: all.
 pub fn export_csv(bag: &Path, folder: &Path, topics: &[String]) -> Result<()> {
-    let bag = Bag::open(bag)?;
+    let bag = open(bag)?;
     for wanted in topics {
         if bag.topic(wanted).is_none() {
             let known: Vec<&str> = bag.topics().iter().map(|topic| topic.name.as_str()).collect();

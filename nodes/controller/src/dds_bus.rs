@@ -1,5 +1,6 @@
-//! The joints behind topics: `joint_states` in, `joint_command` out, as a [`JointBus`] for the control cycle. The cycle's side
-//! takes no lock and allocates nothing; two wait-free buffers join it to the middleware's threads, [`listen`] and [`Speaker`].
+//! The joints behind topics: `joint_states` in, `joint_command` out, as a [`JointBus`] for the control cycle. The
+//! cycle's side takes no lock and allocates nothing; two wait-free buffers join it to the middleware's threads,
+//! [`listen`] and [`Speaker`].
 
 use crate::inputs::{InputProblems, StateWatch, Topic};
 use crate::ports;
@@ -76,9 +77,10 @@ pub struct DdsBus {
 }
 
 impl DdsBus {
-    /// Joints behind these buffers. Where the clock is the stamps', it runs on for `patience` after a state and then waits for the
-    /// next: longer than the controller takes to call the states stale, or it never would, and no longer than that needs, because
-    /// states that come again after a gap in which their own time stood still count as old until they have caught up.
+    /// Joints behind these buffers. Where the clock is the stamps', it runs on for `patience` after a state and then
+    /// waits for the next: longer than the controller takes to call the states stale, or it never would, and no longer
+    /// than that needs, because states that come again after a gap in which their own time stood still count as old
+    /// until they have caught up.
     pub fn new(
         states: Consumer<StateMessage>,
         commands: Producer<CommandMessage>,
@@ -124,8 +126,8 @@ impl DdsBus {
         self.health.received += 1;
         let mut named = (0..JOINTS).filter(|j| message.named[*j]);
         if named.clone().all(|j| self.stamps[j] == Some(message.stamp)) {
-            // Time stands still where the states come from, and the source lives. On the machine's own clock it does not stand
-            // still, and a source that repeats itself is a dead one.
+            // Time stands still where the states come from, and the source lives. On the machine's own clock it does
+            // not stand still, and a source that repeats itself is a dead one.
             if let Some((stamp, wall)) = &mut self.newest
                 && *stamp == message.stamp
                 && self.clock == CycleClock::JointStates
@@ -220,8 +222,8 @@ impl JointBus for DdsBus {
     }
 }
 
-/// Fills the bus's buffer from the topic `joint_states`, and wakes `cycle` where it waits for states (in lockstep, where a stamp
-/// that stands still is a simulation that waits for an answer).
+/// Fills the bus's buffer from the topic `joint_states`, and wakes `cycle` where it waits for states (in lockstep,
+/// where a stamp that stands still is a simulation that waits for an answer).
 ///
 /// # Errors
 /// What the middleware refuses.

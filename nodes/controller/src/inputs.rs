@@ -1,4 +1,5 @@
-//! What is wrong with the messages that come in, kept for where a user looks: the log, the answers of services, the diagnostics.
+//! What is wrong with the messages that come in, kept for where a user looks: the log, the answers of services, the
+//! diagnostics.
 
 use crate::dds_bus::StateMessage;
 use control::JOINTS;
@@ -48,8 +49,8 @@ pub struct InputProblems {
 }
 
 impl InputProblems {
-    /// A message at monotonic time `wall` had this wrong with it. Logged when it is new, and ever more rarely while it goes on: a
-    /// publisher at 1 kHz must not fill the log.
+    /// A message at monotonic time `wall` had this wrong with it. Logged when it is new, and ever more rarely while it
+    /// goes on: a publisher at 1 kHz must not fill the log.
     pub fn note(&self, topic: Topic, text: String, wall: Duration) {
         let mut problems = self.problems.lock().unwrap_or_else(PoisonError::into_inner);
         let problem = &mut problems[topic as usize];

@@ -1,5 +1,6 @@
-//! The controller as a managed node. Configured, the loop runs and the topics are there, but the robot stays damped or disarmed as
-//! under the emergency stop; active, requests are granted. Activating arms nothing. Deactivating lets a walk come to rest first.
+//! The controller as a managed node. Configured, the loop runs and the topics are there, but the robot stays damped or
+//! disarmed as under the emergency stop; active, requests are granted. Activating arms nothing. Deactivating lets a
+//! walk come to rest first.
 
 use crate::config::{Pace, Parameters};
 use crate::cycle::{Cycle, Middleware};
@@ -31,13 +32,13 @@ const DAMPING_PATIENCE: Duration = Duration::from_millis(300);
 
 /// How long other nodes get to be discovered before this one's commands have a topic.
 const LISTENING: Duration = Duration::from_millis(1000);
-/// How often other publishers of commands are looked for, and how often in a row one must be seen: what is announced for a
-/// moment only commands nobody.
+/// How often other publishers of commands are looked for, and how often in a row one must be seen: what is announced
+/// for a moment only commands nobody.
 const LOOKING_EVERY: Duration = Duration::from_millis(100);
 const SEEN: u32 = 5;
 
-/// Refuses where another program commands the same robot. It must be asked before this one's publisher exists: two that see each
-/// other's are a fault in both.
+/// Refuses where another program commands the same robot. It must be asked before this one's publisher exists: two that
+/// see each other's are a fault in both.
 fn listen_for_another(node: &Node) -> anyhow::Result<()> {
     let deadline = Instant::now() + LISTENING;
     while node.publisher_count(COMMANDS) == 0 {
@@ -163,8 +164,8 @@ impl Work {
         let drives = parameters.bus_file.as_deref().map(|file| open_bus(file, &robot, &config)).transpose()?;
         let on_bus = drives.is_some();
         let lockstep = parameters.pace == Pace::Lockstep;
-        // Nothing may be lost between two processes that wait for each other; else only the newest counts, and nobody is to send
-        // an old one again.
+        // Nothing may be lost between two processes that wait for each other; else only the newest counts, and nobody
+        // is to send an old one again.
         let fast = if lockstep { press::OFFERED } else { Qos::best_effort(1) };
 
         if !on_bus {

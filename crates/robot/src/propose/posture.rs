@@ -169,7 +169,8 @@ pub(super) fn find(model: &Model, description: &Description, found: &Found) -> R
 
 type Angles = [[f64; 3]; 4];
 
-/// All legs with their toes at height `z`: all knees behind, else all before, else as each can, with a line that says so.
+/// All legs with their toes at height `z`: all knees behind, else all before, else as each can, with a line that says
+/// so.
 fn all_legs(legs: &[Leg], data: &mut Data, z: f64) -> Option<(Angles, Option<String>)> {
     let tries = [true, false].map(|behind| legs.iter().map(|leg| leg.below(data, z, behind)).collect::<Vec<_>>());
     for side in &tries {

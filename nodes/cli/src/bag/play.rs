@@ -74,7 +74,7 @@ enum Control {
 /// Runs the subcommand.
 pub fn run(arguments: &Arguments) -> Result<ExitCode> {
     check_rate(arguments.rate)?;
-    let bag = Bag::open(&arguments.bag)?;
+    let bag = super::open(&arguments.bag)?;
     let Some((start_ns, end_ns)) = bag.span_ns() else { bail!("{}: there is no message in it", bag.path().display()) };
     let duration_s = (end_ns - start_ns) as f64 * 1e-9;
     check_seek(arguments.start, duration_s)?;

@@ -1,8 +1,8 @@
 //! The robot's URDF written as MuJoCo's own format (MJCF).
 //!
 //! Contact settings are those of a stiff rubber foot on a hard floor: `solref` 0.005 s critically damped, `solimp`
-//! 0.95–0.99 over 1 mm, elliptic friction cone, `impratio` 10. Shapes of a link's `<collision>` touch the ground: toes, knees
-//! and torso. Toes and torso touch each other as well; nothing else of the robot does.
+//! 0.95–0.99 over 1 mm, elliptic friction cone, `impratio` 10. Shapes of a link's `<collision>` touch the ground: toes,
+//! knees and torso. Toes and torso touch each other as well; nothing else of the robot does.
 //!
 //! The URDF's own names get a prefix, so that none can be the name of something of ours or of MuJoCo's.
 
@@ -113,8 +113,8 @@ struct Writer<'a> {
 }
 
 impl<'a> Writer<'a> {
-    /// Moving bodies with a link whose own inertia is none that a body can have. Such links do no harm once they are part of
-    /// their body, whose inertia the model has checked.
+    /// Moving bodies with a link whose own inertia is none that a body can have. Such links do no harm once they are
+    /// part of their body, whose inertia the model has checked.
     fn find_merged(&mut self, root: &'a str) {
         let model = &self.of.model;
         // The torso's body is moved by roll, coordinate 3; the other five of the base move no mass.
@@ -244,7 +244,8 @@ impl<'a> Writer<'a> {
         attributes.iter().filter(|(_, v)| *v > 0.0).map(|(name, v)| format!(r#" {name}="{v}""#)).collect()
     }
 
-    /// A link and all below it. `merged` is the inertia of the moving body that it is part of, where that is written as one.
+    /// A link and all below it. `merged` is the inertia of the moving body that it is part of, where that is written as
+    /// one.
     fn link(
         &mut self,
         name: &str,

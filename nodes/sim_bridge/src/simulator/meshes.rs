@@ -94,7 +94,8 @@ fn find(name: &str, folder: Option<&Path>) -> Option<PathBuf> {
     Some(file).filter(|file| file.is_file())
 }
 
-/// `PACKAGE/PATH` in the folders that hold packages; the robot's folder and those above it may be the package itself, or hold it.
+/// `PACKAGE/PATH` in the folders that hold packages; the robot's folder and those above it may be the package itself,
+/// or hold it.
 fn in_packages(of_package: &str, folder: Option<&Path>) -> Option<PathBuf> {
     let (_, inside) = of_package.split_once('/')?;
     let mut places = Vec::new();

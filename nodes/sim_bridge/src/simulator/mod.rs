@@ -1,9 +1,9 @@
 //! The robot in MuJoCo: no ROS, no clock, no file. One thread, one seed, one trajectory.
 //!
 //! The model is written from the project's own robot description and steps at 0.5 ms with the implicit-in-velocity
-//! integrator. The drives are part of it: at every physics step they evaluate τ = kp (q_des − q) + kd (q̇_des − q̇) + τ_ff
-//! (Ma & Ames 2020, section IV) from the last command, limited to what the drives can give, as the robot's own drives do. A
-//! command that is not finite, or that is too old, leaves the joints damped (kp = 0).
+//! integrator. The drives are part of it: at every physics step they evaluate τ = kp (q_des − q) + kd (q̇_des − q̇) +
+//! τ_ff (Ma & Ames 2020, section IV) from the last command, limited to what the drives can give, as the robot's own
+//! drives do. A command that is not finite, or that is too old, leaves the joints damped (kp = 0).
 
 mod description;
 mod meshes;
@@ -233,8 +233,8 @@ impl std::fmt::Debug for Simulator {
     }
 }
 
-/// The robot in MuJoCo, and what of its description is not in there. Where MuJoCo refuses the model with meshes, it gets it
-/// without: a picture is no reason not to walk.
+/// The robot in MuJoCo, and what of its description is not in there. Where MuJoCo refuses the model with meshes, it
+/// gets it without: a picture is no reason not to walk.
 fn load(robot: &Robot, options: &SimulatorOptions) -> Result<(MjModel, Vec<String>), SimulatorError> {
     let written = description::mjcf(robot, options, meshes::Meshes::of(robot.folder.as_deref()))?;
     let refused = match MjModel::from_xml_string(&written.text) {
@@ -356,9 +356,9 @@ impl Simulator {
         std::array::from_fn(|_| self.options.joint_noise_rad * random.normal())
     }
 
-    /// Puts the robot down level at the world's origin, its lowest toe touching the ground, everything at rest. A sitting
-    /// robot first sinks onto its belly with damped joints, as one that lies there switched off. Pushes that were set are
-    /// forgotten.
+    /// Puts the robot down level at the world's origin, its lowest toe touching the ground, everything at rest. A
+    /// sitting robot first sinks onto its belly with damped joints, as one that lies there switched off. Pushes that
+    /// were set are forgotten.
     pub fn reset_to_posture(&mut self, posture: Posture) {
         self.start_over();
         let angles = match posture {
@@ -389,8 +389,8 @@ impl Simulator {
         }
     }
 
-    /// Puts the robot down in the gait's initial state (its base height is above the floor, its base velocity in the world,
-    /// its angular velocity in the body). Pushes that were set are forgotten.
+    /// Puts the robot down in the gait's initial state (its base height is above the floor, its base velocity in the
+    /// world, its angular velocity in the body). Pushes that were set are forgotten.
     pub fn reset_to_gait(&mut self, gait: &Gait) -> Result<(), SimulatorError> {
         gait.check_robot(&self.robot_name, &self.joint_names)?;
         self.start_over();
@@ -444,8 +444,8 @@ impl Simulator {
         Ok(())
     }
 
-    /// Gives the drives a new command, which they hold until the next. A command with a number that is not finite or with a
-    /// negative gain is refused: the drives damp until a good one comes, and the refusal is counted.
+    /// Gives the drives a new command, which they hold until the next. A command with a number that is not finite or
+    /// with a negative gain is refused: the drives damp until a good one comes, and the refusal is counted.
     pub fn command(&mut self, command: &JointCommand) {
         let lists = [&command.position_rad, &command.velocity_rad_s, &command.kp, &command.kd, &command.torque_nm];
         let finite = lists.iter().all(|list| list.iter().all(|v| v.is_finite()));
@@ -473,7 +473,8 @@ impl Simulator {
         self.step_with_torque(&torque);
     }
 
-    /// One physics step with torques that come from elsewhere (emulated drives), limited to what the drives can give, Nm.
+    /// One physics step with torques that come from elsewhere (emulated drives), limited to what the drives can give,
+    /// Nm.
     pub fn step_with_torque(&mut self, torque: &[f64; JOINTS]) {
         for j in 0..JOINTS {
             // A torque that is not finite can only come from a state that is not: it must not reach MuJoCo either.
@@ -523,8 +524,8 @@ impl Simulator {
         }
     }
 
-    /// Orientation of the base against the true vertical, (x, y, z, w): what an inertial measurement unit reports. It is the
-    /// base's orientation in the world except on slopes, where the world's z axis is the ground's normal.
+    /// Orientation of the base against the true vertical, (x, y, z, w): what an inertial measurement unit reports. It
+    /// is the base's orientation in the world except on slopes, where the world's z axis is the ground's normal.
     pub fn imu_quaternion_xyzw(&self) -> [f64; 4] {
         let qpos = self.data.qpos();
         let in_world = UnitQuaternion::from_quaternion(Quaternion::new(qpos[3], qpos[4], qpos[5], qpos[6]));
@@ -574,7 +575,8 @@ impl Simulator {
         (height < FALLEN_HEIGHT_FRACTION * self.first_height_m).then_some(Fall::Low)
     }
 
-    /// From now on a fall is judged against this height of the base above the toe centres, m (after standing up, for example).
+    /// From now on a fall is judged against this height of the base above the toe centres, m (after standing up, for
+    /// example).
     pub fn expect_height(&mut self, height_m: f64) {
         self.first_height_m = height_m;
     }

@@ -1,0 +1,156 @@
+"""A second controller beside one that walks, and joint states and attitudes that lie, over DDS in realtime.
+
+TANDEM_SECOND_TRIES=10 starts the second controller ten times; a run of all tests starts it twice.
+"""
+
+import os
+import time
+
+import pytest
+from conftest import Client, wait_until
+
+NAMESPACE = "/doubled"
+TRIES = int(os.environ.get("TANDEM_SECOND_TRIES", "2"))
+TIMEOUTS = ["state_timeout_s:=1.0", "overrun_s:=1.0", "middleware_timeout_s:=1.0"]
+
+
+def start(processes, program, *parameters, namespace=NAMESPACE, name=None):
+    chosen = [part for parameter in parameters for part in ("-p", parameter)]
+    return processes(program, "--ros-args", "-r", f"__ns:={namespace}", *chosen, name=name)
+
+
+def trigger(client, namespace, name):
+    from std_srvs.srv import Trigger
+
+    return client.call(client.service(Trigger, f"{namespace}/{name}"), Trigger.Request())
+
+
+def walking(processes, ros, namespace=NAMESPACE):
+    """Nodes that walk, and the controller's states as they come."""
+    from tandem_msgs.msg import ControllerState
+    from tandem_msgs.srv import GenerateGait
+
+    nodes = [
+        start(processes, "tandem_planner", namespace=namespace),
+        start(processes, "tandem_controller", *TIMEOUTS, "posture_speed_rad_s:=2.0", namespace=namespace),
+        start(processes, "tandem_sim_bridge", "command_timeout_s:=1.0", namespace=namespace),
+    ]
+    client, states = Client("doubled"), []
+    client.node.create_subscription(ControllerState, f"{namespace}/controller_state", states.append, 100)
+    plan = client.service(GenerateGait, f"{namespace}/generate_gait")
+    answer = client.call(plan, GenerateGait.Request(behaviour="gait1"), 60)
+    assert answer.success, answer
+    wait_until(lambda: states, 30, "a state of the controller")
+    for request in ("arm", "stand", "walk"):
+        answer = trigger(client, namespace, request)
+        assert answer.success, f"{request}: {answer.message}"
+    wait_until(lambda: states[-1].mode == "walking", 60, lambda: f"walking; it is {states[-1]}")
+    return nodes, client, states
+
+
+def end(nodes, client):
+    for node in nodes:
+        node.stop()
+    client.close()
+
+
+def test_a_second_controller_says_why_it_will_not_and_the_robot_walks_on(processes, ros):
+    nodes, client, states = walking(processes, ros)
+    for n in range(TRIES):
+        since = len(states)
+        second = start(processes, "tandem_controller", *TIMEOUTS, name=f"second{n}")
+        wait_until(lambda: not second.alive(), 20, "the second controller ends")
+        assert "another program publishes joint_command: a robot has one controller" in second.text(), second.text()
+        assert second.process.returncode != 0
+        time.sleep(0.5)
+        assert all(state.mode == "walking" for state in states[since:]) and len(states) > since, states[-1]
+    # One in another namespace is another robot's.
+    other = start(processes, "tandem_controller", *TIMEOUTS, namespace="/elsewhere", name="elsewhere")
+    wait_until(lambda: "disarmed" in other.text(), 20, lambda: other.text())
+    end([*nodes, other], client)
+
+
+def test_a_publisher_of_commands_beside_a_walking_robot_is_a_fault(processes, ros):
+    from tandem_msgs.msg import JointCommand
+    from tandem_msgs.srv import ClearFault
+
+    nodes, client, states = walking(processes, ros, "/mixed")
+    publisher = client.node.create_publisher(JointCommand, "/mixed/joint_command", 10)
+    wait_until(lambda: "second_controller" in states[-1].fault, 10, lambda: f"the fault; it is {states[-1]}")
+    assert states[-1].mode == "fault"
+    client.node.destroy_publisher(publisher)
+    time.sleep(3.0)
+    clear = client.service(ClearFault, "/mixed/clear_fault")
+    assert client.call(clear, ClearFault.Request(name="second_controller")).success
+    time.sleep(0.5)
+    assert "second_controller" not in states[-1].fault, states[-1]
+    end(nodes, client)
+
+
+@pytest.mark.parametrize(
+    "lie, reason",
+    [
+        ("zero_stamps", "messages with the stamp 0 s"),
+        ("whole_seconds", "neither zero nor whole seconds are"),
+        ("nan_velocity", "is NaN: expected a finite number"),
+        ("no_quaternion", "has the length 0: expected 1"),
+        ("short_quaternion", "has the length 0.6"),
+        ("two_parts", None),
+        ("two_parts_apart", None),
+    ],
+)
+def test_inputs_that_lie_are_refused_with_the_true_reason_or_understood(processes, ros, lie, reason):
+    """No simulation: a driver of the test's own publishes the joints of a robot that sits."""
+    from builtin_interfaces.msg import Time
+    from diagnostic_msgs.msg import DiagnosticArray
+    from sensor_msgs.msg import Imu, JointState
+
+    namespace = f"/lies/{lie}"
+    node = start(processes, "tandem_controller", *TIMEOUTS, namespace=namespace, name=lie)
+    client, told = Client(f"driver_{lie}"), []
+    client.node.create_subscription(
+        DiagnosticArray, "/diagnostics", lambda array: told.extend(s.message for s in array.status if namespace in s.name), 100
+    )
+    joints = client.node.create_publisher(JointState, f"{namespace}/joint_states", 10)
+    imu = client.node.create_publisher(Imu, f"{namespace}/imu", 10)
+    legs = ("front_left", "rear_left", "front_right", "rear_right")
+    names = [f"{leg}_{joint}" for leg in legs for joint in ("hip_roll", "hip_pitch", "knee")]
+    posture = [0.0, 1.2, 2.4] * 4
+
+    def publish():
+        now = time.time_ns()
+        stamp = Time(sec=now // 10**9, nanosec=now % 10**9)
+        if lie == "zero_stamps":
+            stamp = Time()
+        elif lie == "whole_seconds":
+            stamp.nanosec = 0
+        velocity = [0.0] * 12
+        if lie == "nan_velocity":
+            velocity[4] = float("nan")
+        parts = [range(12)] if not lie.startswith("two_parts") else [range(6), range(6, 12)]
+        for k, part in enumerate(parts):
+            message = JointState(name=[names[j] for j in part], position=[posture[j] for j in part], velocity=[velocity[j] for j in part])
+            message.header.stamp = stamp
+            if lie == "two_parts_apart" and k == 1:
+                later = now + 700_000
+                message.header.stamp = Time(sec=later // 10**9, nanosec=later % 10**9)
+            joints.publish(message)
+        attitude = Imu()
+        attitude.header.stamp = stamp
+        q = attitude.orientation
+        q.x, q.y, q.z, q.w = {"no_quaternion": (0.0, 0.0, 0.0, 0.0), "short_quaternion": (0.6, 0.0, 0.0, 0.0)}.get(lie, (0.0, 0.0, 0.0, 1.0))
+        imu.publish(attitude)
+
+    timer = client.node.create_timer(0.005, publish)
+    wait_until(lambda: "disarmed" in node.text(), 30, lambda: node.text())
+    time.sleep(2.0)
+    answer = trigger(client, namespace, "arm")
+    if reason is None:
+        assert answer.success, answer.message
+    else:
+        assert not answer.success and reason in answer.message, answer.message
+        assert reason in node.text(), node.text()
+        wait_until(lambda: any(reason in message for message in told), 5, lambda: f"{reason} in the diagnostics: {told[-5:]}")
+    client.node.destroy_timer(timer)
+    end([node], client)
+
