@@ -40,7 +40,7 @@ def walking(processes, ros, namespace=NAMESPACE):
     plan = client.service(GenerateGait, f"{namespace}/generate_gait")
     answer = client.call(plan, GenerateGait.Request(behaviour="gait1"), 60)
     assert answer.success, answer
-    wait_until(lambda: states, 30, "a state of the controller")
+    wait_until(lambda: states and states[-1].gait, 30, "a gait in the controller")
     for request in ("arm", "stand", "walk"):
         answer = trigger(client, namespace, request)
         assert answer.success, f"{request}: {answer.message}"

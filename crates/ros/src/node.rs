@@ -9,7 +9,7 @@ use std::time::{Duration, Instant};
 use futures::StreamExt;
 use ros2_client::action::ActionServerQosPolicies;
 use ros2_client::dds::ServiceMapping;
-use ros2_client::dds::rustdds::{DomainParticipantBuilder, GUID};
+use ros2_client::dds::rustdds::{DomainParticipantBuilder, GUID, RTPSEntity};
 use ros2_client::{ActionTypeName, Context, Gid, MessageTypeName, Name, NodeName, NodeOptions, ServiceTypeName};
 use tandem_msgs::builtin_interfaces::Time;
 use tandem_msgs::rcl_interfaces as wire;
@@ -133,7 +133,7 @@ impl Core {
         on_topic.map(|reader| reader.reader_proxy.remote_reader_guid).collect()
     }
 
-    /// The other participants' writers on a topic (the middleware's name of it), as far as they are known.
+    /// The writers on a topic (the middleware's name of it), as far as they are known, this node's included.
     pub(crate) fn discovered_writers(&self, topic: &str) -> Vec<GUID> {
         let writers =
             self.context().map(|context| context.domain_participant().discovered_writers()).unwrap_or_default();
@@ -577,6 +577,14 @@ impl Node {
     #[must_use]
     pub fn publisher_count(&self, topic: &str) -> usize {
         self.count(topic, |node, full| node.publisher_count(full))
+    }
+
+    /// How many publishers of other participants are seen on a topic.
+    #[must_use]
+    pub fn publishers_of_others(&self, topic: &str) -> usize {
+        let Ok(full) = self.core.full_name(topic, Subject::Topic) else { return 0 };
+        let Some(own) = self.core.context().map(|context| context.domain_participant().guid().prefix) else { return 0 };
+        self.core.discovered_writers(&format!("rt{full}")).iter().filter(|writer| writer.prefix != own).count()
     }
 
     /// How many subscriptions of other nodes are seen on a topic.

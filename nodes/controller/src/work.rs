@@ -41,7 +41,7 @@ const SEEN: u32 = 5;
 /// see each other's are a fault in both.
 fn listen_for_another(node: &Node) -> anyhow::Result<()> {
     let deadline = Instant::now() + LISTENING;
-    while node.publisher_count(COMMANDS) == 0 {
+    while node.publishers_of_others(COMMANDS) == 0 {
         if Instant::now() >= deadline {
             return Ok(());
         }
@@ -58,7 +58,7 @@ fn watch_for_another(node: &Node) -> Arc<AtomicBool> {
     let found = Arc::new(AtomicBool::new(false));
     let (core, flag, mut seen) = (node.part(), Arc::clone(&found), 0);
     node.every(LOOKING_EVERY, move || {
-        seen = if core.publisher_count(COMMANDS) > 0 { seen + 1 } else { 0 };
+        seen = if core.publishers_of_others(COMMANDS) > 0 { seen + 1 } else { 0 };
         let another = seen >= SEEN;
         if another && !flag.swap(another, Ordering::AcqRel) {
             tracing::error!("another program publishes {COMMANDS}: a robot has one controller");
