@@ -296,7 +296,9 @@ fn commanded(protocol: &impl Protocol, config: &BusConfig, n: usize, frame: &Fra
 /// Counts the cycles on end with a surplus of replies. Only somebody else's requests bring one for long.
 fn weigh_replies<L>(state: &mut LinkState<L>, first_joint: usize, now: Duration) {
     let (requested, replied) = (std::mem::take(&mut state.requested), std::mem::take(&mut state.replied));
-    let doubled = requested > 0 && replied >= 2 * requested;
+    // Behind the opening of a link, replies that had waited come at once.
+    let steady = state.health.reopened == 0 || now.saturating_sub(state.opened_at) >= STEADY;
+    let doubled = steady && requested > 0 && replied >= 2 * requested;
     state.surplus = if doubled { state.surplus + 1 } else { 0 };
     if state.surplus >= SURPLUS_CYCLES {
         state.stranger = Some((now, first_joint));
