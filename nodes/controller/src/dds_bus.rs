@@ -242,8 +242,9 @@ pub fn listen(
             Ok(state) => state,
             Err(problem) => return problems.note(Topic::JointStates, problem, wall),
         };
-        if let Some(problem) = watch.look(&state, &names, &message.name) {
-            problems.note(Topic::JointStates, problem, wall);
+        match watch.look(&state, &names, &message.name) {
+            Some(problem) => problems.note(Topic::JointStates, problem, wall),
+            None => problems.is_fine(Topic::JointStates),
         }
         // A full buffer: the cycle takes the newest of what is there, or has ended.
         let _ = states.push(state);

@@ -196,10 +196,16 @@ impl Desk {
                 recording.other(tape::IMU, None, &message);
             }
             let wall = monotonic_now();
-            let tilt = ports::tilt(&message).unwrap_or_else(|problem| {
-                problems.note(Topic::Imu, problem, wall);
-                Some(ports::NO_TILT)
-            });
+            let tilt = match ports::tilt(&message) {
+                Ok(tilt) => {
+                    problems.is_fine(Topic::Imu);
+                    tilt
+                }
+                Err(problem) => {
+                    problems.note(Topic::Imu, problem, wall);
+                    Some(ports::NO_TILT)
+                }
+            };
             if let Some(tilt) = tilt {
                 // A full buffer: the cycle takes the newest of what is there, or has ended.
                 let _ = sensors.tilts.push(TimedTilt { tilt, wall });
