@@ -70,23 +70,6 @@ def test_a_second_controller_says_why_it_will_not_and_the_robot_walks_on(process
     end([*nodes, other], client)
 
 
-def test_a_publisher_of_commands_beside_a_walking_robot_is_a_fault(processes, ros):
-    from tandem_msgs.msg import JointCommand
-    from tandem_msgs.srv import ClearFault
-
-    nodes, client, states = walking(processes, ros, "/mixed")
-    publisher = client.node.create_publisher(JointCommand, "/mixed/joint_command", 10)
-    wait_until(lambda: "second_controller" in states[-1].fault, 10, lambda: f"the fault; it is {states[-1]}")
-    assert states[-1].mode == "fault"
-    client.node.destroy_publisher(publisher)
-    time.sleep(3.0)
-    clear = client.service(ClearFault, "/mixed/clear_fault")
-    assert client.call(clear, ClearFault.Request(name="second_controller")).success
-    time.sleep(0.5)
-    assert "second_controller" not in states[-1].fault, states[-1]
-    end(nodes, client)
-
-
 @pytest.mark.parametrize(
     "lie, reason",
     [

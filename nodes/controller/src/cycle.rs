@@ -4,8 +4,7 @@ use crate::dds_bus::DdsBus;
 use crate::emergency_stop::EmergencyStop;
 use crate::tape::Tape;
 use control::{
-    Controller, Fault, FaultReport, GaitName, Input, JOINTS, JointState, MAX_REQUESTS, Output, PreparedGait, Request,
-    Tilt,
+    Controller, FaultReport, GaitName, Input, JOINTS, JointState, MAX_REQUESTS, Output, PreparedGait, Request, Tilt,
 };
 use joint_bus::{BusHealth, JointBus, Readings};
 use realtime::{Histogram, Periodic, RealtimeRequest, Warning, monotonic_now};
@@ -120,8 +119,6 @@ pub struct Cycle {
     pub gaits: Consumer<(u64, PreparedGait)>,
     /// The emergency stop.
     pub emergency_stop: Arc<EmergencyStop>,
-    /// Whether another program commands the robot over topics.
-    pub second_controller: Arc<AtomicBool>,
     /// Whether the middleware lives.
     pub middleware: Middleware,
     /// The end of the program.
@@ -169,7 +166,7 @@ impl Cycle {
             gait: gait.as_ref(),
             // Each is asked: a press that one cycle has seen is not kept for the next.
             emergency_stop: self.emergency_stop.is_pressed(wall) | self.middleware.has_failed(wall) | stop,
-            fault: measured.fault.or_else(|| self.second_controller()),
+            fault: measured.fault,
         };
         self.tape.begin_cycle(&self.controller);
         let output = self.controller.step(&input, now);
@@ -186,15 +183,6 @@ impl Cycle {
             bus: timing.and(measured.bus),
         });
         output
-    }
-
-    fn second_controller(&self) -> Option<FaultReport> {
-        self.second_controller.load(Ordering::Acquire).then_some(FaultReport {
-            fault: Fault::SecondController,
-            joint: None,
-            value: 1.0,
-            limit: 0.0,
-        })
     }
 
     /// A full buffer means that the press has stalled; what it misses are outputs that are too old already.

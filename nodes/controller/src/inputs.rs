@@ -121,7 +121,8 @@ impl StateWatch {
     }
 
     fn standing_stamp(&self, state: &StateMessage) -> Option<String> {
-        // A simulation that is paused stands at any time; zero and whole seconds are what drivers send that have no time.
+        // A simulation that is paused stands at any time; zero and whole seconds are what drivers send that have no
+        // time.
         let whole = state.stamp.subsec_nanos() == 0;
         (self.standing >= STANDING_STAMPS && whole && !self.stamps_may_stand).then(|| {
             format!(

@@ -32,11 +32,6 @@ const DAMPING_PATIENCE: Duration = Duration::from_millis(300);
 
 /// How long other nodes get to be discovered before this one's commands have a topic.
 const LISTENING: Duration = Duration::from_millis(1000);
-/// How often other publishers of commands are looked for, and how often in a row one must be seen: what is announced
-/// for a moment only commands nobody.
-const LOOKING_EVERY: Duration = Duration::from_millis(100);
-const SEEN: u32 = 5;
-
 /// Refuses where another program commands the same robot. It must be asked before this one's publisher exists: two that
 /// see each other's are a fault in both.
 fn listen_for_another(node: &Node) -> anyhow::Result<()> {
@@ -45,27 +40,12 @@ fn listen_for_another(node: &Node) -> anyhow::Result<()> {
         if Instant::now() >= deadline {
             return Ok(());
         }
-        std::thread::sleep(LOOKING_EVERY / 2);
+        std::thread::sleep(LISTENING / 20);
     }
     anyhow::bail!(
         "another program publishes {COMMANDS}: a robot has one controller. Stop the other one (one that was killed is known for \
          50 s), or give this one another namespace (--ros-args -r __ns:=/NAME)"
     )
-}
-
-/// Looks for other publishers of commands for as long as the node's part lives.
-fn watch_for_another(node: &Node) -> Arc<AtomicBool> {
-    let found = Arc::new(AtomicBool::new(false));
-    let (core, flag, mut seen) = (node.part(), Arc::clone(&found), 0);
-    node.every(LOOKING_EVERY, move || {
-        seen = if core.publishers_of_others(COMMANDS) > 0 { seen + 1 } else { 0 };
-        let another = seen >= SEEN;
-        if another && !flag.swap(another, Ordering::AcqRel) {
-            tracing::error!("another program publishes {COMMANDS}: a robot has one controller");
-        }
-        flag.store(another, Ordering::Release);
-    });
-    found
 }
 
 /// SCHED_FIFO priority of the threads through which the stop is heard, where the control thread has one.
@@ -229,7 +209,6 @@ impl Work {
             asked,
             gaits,
             emergency_stop: Arc::clone(&emergency_stop),
-            second_controller: if on_bus { Arc::default() } else { watch_for_another(&node) },
             middleware: Middleware::new(node.stop().health(), parameters.middleware_timeout, parameters.period),
             tape,
             stop: Arc::clone(&stop),

@@ -188,7 +188,6 @@ fn walk_and_break(bus: &str, how: &str, timeout: Duration) {
         asked,
         gaits: gaits_out,
         emergency_stop: Arc::new(EmergencyStop::new(None)),
-        second_controller: Arc::default(),
         middleware: Middleware::new(health.clone(), Some(timeout), PERIOD),
         tape,
         stop: Arc::clone(&stop),
