@@ -29,6 +29,12 @@ pub trait Service: 'static {
     type Request: Message;
     /// What the server answers.
     type Response: Message;
+
+    /// The answer that says no and why; none where the response has no field for it.
+    #[must_use]
+    fn refusal(_request: &Self::Request, _reason: &str) -> Option<Self::Response> {
+        None
+    }
 }
 
 /// An action: a goal, feedback while it runs, a result.

@@ -45,9 +45,25 @@ macro_rules! messages {
     (@type $type:ty, $ros:literal) => { $ros.to_string() };
 }
 
-/// Ties a request and a response together.
+/// Ties a request and a response together. `refused by message`: the response's `success` is false and that field says
+/// why; or a function of the request and the reason.
 macro_rules! service {
     ($(#[$meta:meta])* $package:literal $name:ident: $request:ident -> $response:ident) => {
+        service! { @ $(#[$meta])* $package $name $request $response }
+    };
+    ($(#[$meta:meta])* $package:literal $name:ident: $request:ident -> $response:ident, refused by $message:ident) => {
+        service! { @ $(#[$meta])* $package $name $request $response
+            |_, reason| {
+                // By default it did not succeed.
+                let mut refusal = $response::default();
+                refusal.$message.push_str(reason);
+                refusal
+            } }
+    };
+    ($(#[$meta:meta])* $package:literal $name:ident: $request:ident -> $response:ident, refused by |$($refuse:tt)*) => {
+        service! { @ $(#[$meta])* $package $name $request $response |$($refuse)* }
+    };
+    (@ $(#[$meta:meta])* $package:literal $name:ident $request:ident $response:ident $($refuse:expr)?) => {
         $(#[$meta])*
         #[derive(Clone, Copy, Debug)]
         pub enum $name {}
@@ -57,6 +73,12 @@ macro_rules! service {
             const NAME: &'static str = stringify!($name);
             type Request = $request;
             type Response = $response;
+            $(
+                fn refusal(request: &$request, reason: &str) -> Option<$response> {
+                    let refuse: fn(&$request, &str) -> $response = $refuse;
+                    Some(refuse(request, reason))
+                }
+            )?
         }
     };
 }

@@ -195,11 +195,16 @@ service! {
 }
 service! {
     /// Sets parameters one by one.
-    "rcl_interfaces" SetParameters: SetParametersRequest -> SetParametersResponse
+    "rcl_interfaces" SetParameters: SetParametersRequest -> SetParametersResponse, refused by |request, reason| {
+        let refused = SetParametersResult { successful: false, reason: reason.to_owned() };
+        SetParametersResponse { results: vec![refused; request.parameters.len()] }
+    }
 }
 service! {
     /// Sets parameters, all or nothing.
-    "rcl_interfaces" SetParametersAtomically: SetParametersAtomicallyRequest -> SetParametersAtomicallyResponse
+    "rcl_interfaces" SetParametersAtomically: SetParametersAtomicallyRequest -> SetParametersAtomicallyResponse, refused by |_, reason| {
+        SetParametersAtomicallyResponse { result: SetParametersResult { successful: false, reason: reason.to_owned() } }
+    }
 }
 service! {
     /// Describes parameters.

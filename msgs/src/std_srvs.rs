@@ -31,11 +31,11 @@ messages! { "std_srvs";
 
 service! {
     /// Do what the service's name says.
-    "std_srvs" Trigger: TriggerRequest -> TriggerResponse
+    "std_srvs" Trigger: TriggerRequest -> TriggerResponse, refused by message
 }
 service! {
     /// Switch what the service's name says.
-    "std_srvs" SetBool: SetBoolRequest -> SetBoolResponse
+    "std_srvs" SetBool: SetBoolRequest -> SetBoolResponse, refused by message
 }
 
 impl TriggerResponse {

@@ -237,7 +237,8 @@ messages! { "tandem_msgs";
     }
     /// Where to record.
     StartRecordingRequest {
-        /// Folder of the new bag, on the controller's machine: a whole path; must be empty or not there.
+        /// Name of the new bag's folder below the controller's `record_root`: 1 to 64 of ASCII's letters and digits,
+        /// `_`, `-` and `.`, not with a dot first; must be empty or not there.
         folder: String,
     }
     /// Whether it records.
@@ -283,24 +284,24 @@ messages! { "tandem_msgs";
 
 service! {
     /// Plans a gait.
-    "tandem_msgs" GenerateGait: GenerateGaitRequest -> GenerateGaitResponse
+    "tandem_msgs" GenerateGait: GenerateGaitRequest -> GenerateGaitResponse, refused by message
 }
 service! {
     /// Clears one latched fault by its name.
-    "tandem_msgs" ClearFault: ClearFaultRequest -> ClearFaultResponse
+    "tandem_msgs" ClearFault: ClearFaultRequest -> ClearFaultResponse, refused by message
 }
 service! {
     /// Loads a gait file's text.
-    "tandem_msgs" LoadGait: LoadGaitRequest -> LoadGaitResponse
+    "tandem_msgs" LoadGait: LoadGaitRequest -> LoadGaitResponse, refused by message
 }
 
 service! {
     /// Begins a recording of the run.
-    "tandem_msgs" StartRecording: StartRecordingRequest -> StartRecordingResponse
+    "tandem_msgs" StartRecording: StartRecordingRequest -> StartRecordingResponse, refused by message
 }
 service! {
     /// Ends the recording of the run.
-    "tandem_msgs" StopRecording: StopRecordingRequest -> StopRecordingResponse
+    "tandem_msgs" StopRecording: StopRecordingRequest -> StopRecordingResponse, refused by message
 }
 
 /// Plans a gait, with progress, cancellable. Goal and result have the fields of the service of the same name.

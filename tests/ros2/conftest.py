@@ -1,10 +1,13 @@
 """What all tests against real ROS 2 clients share: processes with their own domain, and an rclpy node that spins."""
 
+import atexit
 import os
 import pathlib
 import random
+import shutil
 import signal
 import subprocess
+import tempfile
 import threading
 import time
 
@@ -27,6 +30,10 @@ DOMAIN = int(os.environ.get("TANDEM_TEST_DOMAIN") or free_domain())
 
 os.environ["ROS_DOMAIN_ID"] = str(DOMAIN)
 os.environ["ROS_AUTOMATIC_DISCOVERY_RANGE"] = "LOCALHOST"
+# Nodes that are told nothing else record here, not in the folder of whoever runs the tests.
+os.environ["XDG_DATA_HOME"] = tempfile.mkdtemp(prefix="tandem-tests-")
+RECORDINGS = pathlib.Path(os.environ["XDG_DATA_HOME"]) / "tandem/recordings"
+atexit.register(shutil.rmtree, os.environ["XDG_DATA_HOME"], ignore_errors=True)
 
 
 def wait_until(condition, seconds, what):

@@ -9,7 +9,7 @@ import subprocess
 import time
 
 import pytest
-from conftest import ROOT, TARGET, wait_until
+from conftest import RECORDINGS, ROOT, TARGET, wait_until
 from test_walk import JOINTS, Robot, best_effort, latched, seconds
 
 LEGS = ["front_left", "rear_left", "front_right", "rear_right"]
@@ -172,6 +172,7 @@ def step_for(robot, heard, count):
     """So many steps; returns the newest instant of which every topic tells, and what they tell: {topic: message}."""
     for _ in range(count):
         step(robot)
+    time.sleep(0.5)  # nothing is on its way any more
     stamp = lambda message: round(1000 * seconds(message.clock if hasattr(message, "clock") else message.header.stamp))
     names = ["joint_states", "joint_command", "imu", "odom", "clock", *(f"ground_force/{leg}" for leg in LEGS)]
 
@@ -356,9 +357,9 @@ def test_a_gait_file_is_loaded_walked_recorded_and_stopped_by_either_emergency_s
     subprocess.run([TARGET / "tandem", "plan", "gait3", "-o", file], check=True, capture_output=True, cwd=ROOT)
     assert call(LoadGait, "load_gait", json=file.read_text()).success
     robot.wait(lambda: robot.states[-1].gait == "gait3", 10, "the gait's name in controller_state")
-    began = call(StartRecording, "start_recording", folder=str(tmp_path / "run"))
+    began = call(StartRecording, "start_recording", folder="run")
     assert began.success, began.message
-    assert not call(StartRecording, "start_recording", folder=str(tmp_path / "another")).success
+    assert not call(StartRecording, "start_recording", folder="another").success
     robot.trigger("walk")
     robot.wait(lambda: robot.mode() == "walking" and robot.states[-1].step_index >= 3, 60, "some steps")
     phases = [state.step_phase for state in robot.states if state.mode == "walking"]
@@ -367,7 +368,7 @@ def test_a_gait_file_is_loaded_walked_recorded_and_stopped_by_either_emergency_s
     robot.wait(lambda: robot.mode() == "standing", 60, "standing")
     ended = call(StopRecording, "stop_recording")
     assert ended.success and ended.messages > 1000 and ended.bytes > 10000 and ended.dropped == 0, ended
-    assert ended.folder == str(tmp_path / "run") and (tmp_path / "run/metadata.yaml").exists()
+    assert ended.folder == str(RECORDINGS / "run") and (RECORDINGS / "run/metadata.yaml").exists()
     assert not call(StopRecording, "stop_recording").success
 
     publisher = robot.client.node.create_publisher(Bool, "/faced/emergency_stop", 1)
@@ -399,7 +400,7 @@ def test_a_gait_file_is_loaded_walked_recorded_and_stopped_by_either_emergency_s
     wait_until(lambda: robot.mode() == "disarmed", 20, lambda: f"{robot.states[-1]}")
 
 
-def test_a_controller_alone_hears_every_topic_that_it_subscribes_to(client, processes):
+def test_a_controller_alone_hears_every_topic_that_it_subscribes_to(client, processes, tmp_path):
     """Stand-ins for the robot: what is said on its inputs is seen in what it says."""
     from builtin_interfaces.msg import Time
     from geometry_msgs.msg import WrenchStamped
@@ -409,7 +410,7 @@ def test_a_controller_alone_hears_every_topic_that_it_subscribes_to(client, proc
     from tandem_msgs.srv import StartRecording, StopRecording
     from std_srvs.srv import Trigger
 
-    process = start(processes, "controller", "/alone", "mode:=lockstep", "tilt_limit_rad:=0.5")
+    process = start(processes, "controller", "/alone", "mode:=lockstep", "tilt_limit_rad:=0.5", f"record_root:={tmp_path / 'recordings'}")
     commands, states = [], []
     client.node.create_subscription(JointCommand, "/alone/joint_command", commands.append, 10)
     client.node.create_subscription(ControllerState, "/alone/controller_state", states.append, 10)
@@ -417,8 +418,7 @@ def test_a_controller_alone_hears_every_topic_that_it_subscribes_to(client, proc
     publishers = {name: client.node.create_publisher(kind, f"/alone/{name}", 10) for name, kind in kinds.items()}
     wait_until(lambda: all(publisher.get_subscription_count() == 1 for publisher in publishers.values()), 30, "it hears all")
     stamp = lambda cycle: Time(sec=cycle // 1000, nanosec=cycle % 1000 * 1_000_000)
-    folder = process.log.parent / "alone-bag"
-    assert client.call(client.service(StartRecording, "/alone/start_recording"), StartRecording.Request(folder=str(folder))).success
+    assert client.call(client.service(StartRecording, "/alone/start_recording"), StartRecording.Request(folder="alone")).success
     cycle = 0
 
     def say(count, **tilt):
@@ -451,7 +451,7 @@ def test_a_controller_alone_hears_every_topic_that_it_subscribes_to(client, proc
     wait_until(lambda: "tilt" in states[-1].fault, 10, lambda: f"{states[-1:]}")
     ended = client.call(client.service(StopRecording, "/alone/stop_recording"), StopRecording.Request())
     assert ended.success, ended.message
-    listed = subprocess.run([TARGET / "tandem", "bag", "info", folder], check=True, capture_output=True, text=True, cwd=ROOT).stdout
+    listed = subprocess.run([TARGET / "tandem", "bag", "info", tmp_path / "recordings/alone"], check=True, capture_output=True, text=True, cwd=ROOT).stdout
     for name in kinds:
         assert re.search(rf"^ +/{name} +[1-9]", listed, re.MULTILINE), f"{name} was recorded: {listed}"
     assert process.stop() == 0, process.text()

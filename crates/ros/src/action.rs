@@ -2,7 +2,7 @@
 
 use std::collections::{BTreeMap, BTreeSet, VecDeque};
 use std::sync::atomic::{AtomicBool, Ordering};
-use std::sync::mpsc::{Sender, channel};
+use std::sync::mpsc::channel;
 use std::sync::{Arc, Mutex, PoisonError};
 use std::time::{Duration, Instant};
 
@@ -17,6 +17,10 @@ use ros2_client::error::WriteError;
 use tandem_msgs::{Action, action_msgs};
 use tokio::task::JoinHandle;
 
+mod goal;
+
+pub use goal::{Goal, GoalEnd};
+
 use crate::Wire;
 use crate::matches::Peers;
 use crate::service::INTRODUCTION_OF_CALLER;
@@ -29,36 +33,10 @@ const FEEDBACK_LEAD: Duration = Duration::from_millis(30);
 /// How long a result is kept for clients that ask late, as in ROS 2's own servers.
 const RESULT_LIFETIME: Duration = Duration::from_secs(900);
 
-/// How a goal ended.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum GoalEnd {
-    /// Done.
-    Succeeded,
-    /// Failed.
-    Aborted,
-    /// Stopped on request.
-    Cancelled,
-}
-
-/// A goal that runs: what its handler may ask and say.
-pub struct Goal<A: Action> {
-    cancelled: Arc<AtomicBool>,
-    feedback: Sender<A::Feedback>,
-}
-
-impl<A: Action> Goal<A> {
-    /// Whether a client has asked to stop.
-    #[must_use]
-    pub fn is_cancelled(&self) -> bool {
-        self.cancelled.load(Ordering::Relaxed)
-    }
-
-    /// Tells of progress.
-    pub fn feedback(&self, feedback: A::Feedback) {
-        // After the node's end nobody listens.
-        let _ = self.feedback.send(feedback);
-    }
-}
+/// Goals whose result is kept, at most: of more the oldest are forgotten sooner.
+const MAX_GOALS: usize = 256;
+/// Questions for the result of one goal that wait for it, and answers on their way.
+const MAX_WAITING: usize = 256;
 
 type Endpoint<A> = ActionServer<Wire<<A as Action>::Goal>, Wire<<A as Action>::Result>, Wire<<A as Action>::Feedback>>;
 
@@ -171,8 +149,19 @@ where
             }
             self.start_next();
             self.send_answers();
-            self.goals
-                .retain(|_, goal| goal.result.as_ref().is_none_or(|(_, since)| since.elapsed() < RESULT_LIFETIME));
+            self.forget();
+        }
+    }
+
+    /// Results that are old, and the oldest of more than are kept: a client that cancels what it asks for makes many.
+    fn forget(&mut self) {
+        self.goals.retain(|_, goal| goal.result.as_ref().is_none_or(|(_, since)| since.elapsed() < RESULT_LIFETIME));
+        while self.goals.len() > MAX_GOALS {
+            let since = |goal: &Tracked<A::Result>| goal.result.as_ref().map(|(_, since)| *since);
+            let oldest = self.goals.iter().filter_map(|(id, goal)| Some((since(goal)?, *id))).min_by_key(|(at, _)| *at);
+            // Those that still run or wait are bounded by themselves.
+            let Some((_, id)) = oldest else { return };
+            self.goals.remove(&id);
         }
     }
 
@@ -207,6 +196,7 @@ where
                 tracing::warn!("action {}: a goal is rejected: {refusal}", self.name);
                 continue;
             }
+            self.forget();
             self.goals.insert(
                 request.goal_id,
                 Tracked {
@@ -296,6 +286,9 @@ where
                 }
             };
             match self.goals.get_mut(&request.goal_id) {
+                Some(goal) if goal.asked.len() >= MAX_WAITING => {
+                    self.warn("a question for a result gets no answer", &format!("{MAX_WAITING} wait already"));
+                }
                 Some(goal) => {
                     goal.asked.push(request_id);
                     self.send_results(request.goal_id);
@@ -319,6 +312,10 @@ where
         what: &'static str,
         send: impl FnOnce(&Endpoint<A>) -> Result<(), WriteError<()>> + Send + 'static,
     ) {
+        if self.unsent.len() >= MAX_WAITING {
+            self.warn("an answer is not sent", &format!("{MAX_WAITING} wait for their callers already"));
+            return;
+        }
         self.unsent.push(Unsent { request, since: Instant::now(), callers, what, send: Box::new(send) });
         self.send_answers();
     }

@@ -74,7 +74,7 @@ pub use node::{Node, Stop};
 pub use parameters::{Parameter, ParameterBuilder, ParameterType, ParameterValue, Ranged};
 pub use publisher::{Publisher, RawPublisher};
 pub use qos::Qos;
-pub use service::ServeOptions;
+pub use service::{ServeOptions, WAITING};
 pub use time::{Clock, wall_time};
 pub use watchdog::{Health, Pulse, Silence, THREADS, Thread};
 

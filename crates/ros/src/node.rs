@@ -440,7 +440,7 @@ impl Node {
     }
 
     /// A service. `handler` runs on a thread where it may take its time; requests are answered one after the other, in
-    /// the order of their arrival, none is lost.
+    /// the order of their arrival; when [`WAITING`](crate::WAITING) wait, further ones are told that it is busy.
     ///
     /// # Errors
     /// A wrong name, or the middleware's reason.

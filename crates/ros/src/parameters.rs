@@ -8,12 +8,21 @@ use std::time::{Duration, Instant};
 
 use serde_yaml_ng::Value as Yaml;
 use tandem_msgs::rcl_interfaces as wire;
+use tandem_msgs::text::{NAME_CHARS, SENTENCE_CHARS, printable};
 
 use crate::RosError;
 use crate::arguments::Override;
 
 /// How long after its start a node's parameters are taken to be declared, if it does not say when.
 const DECLARING: Duration = Duration::from_secs(1);
+
+/// Most parameters that one request sets, reads or describes; what is beyond is refused, or left out where nothing can
+/// be said.
+const MAX_PARAMETERS: usize = 256;
+/// Most bytes of text in a value that is set from outside.
+const MAX_TEXT_BYTES: usize = 1 << 16;
+/// Most items of the lists in a value that is set from outside.
+const MAX_ITEMS: usize = 4096;
 
 /// A parameter's value.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -110,6 +119,17 @@ impl ParameterValue {
     }
 
     fn from_wire(message: &wire::ParameterValue) -> Result<Self, String> {
+        let texts = message.string_value.len() + message.string_array_value.iter().map(String::len).sum::<usize>();
+        let items = message.byte_array_value.len()
+            + message.bool_array_value.len()
+            + message.integer_array_value.len()
+            + message.double_array_value.len()
+            + message.string_array_value.len();
+        if texts > MAX_TEXT_BYTES || items > MAX_ITEMS {
+            return Err(format!(
+                "{texts} bytes of text and {items} items of lists, expected at most {MAX_TEXT_BYTES} and {MAX_ITEMS}"
+            ));
+        }
         Ok(match message.r#type {
             0 => Self::NotSet,
             1 => Self::Bool(message.bool_value),
@@ -377,19 +397,26 @@ impl Store {
     }
 
     fn set_from_wire(&self, parameters: &[wire::Parameter]) -> wire::SetParametersResult {
-        let outcome = parameters
-            .iter()
-            .map(|parameter| {
-                ParameterValue::from_wire(&parameter.value)
-                    .map(|value| (parameter.name.clone(), value))
-                    .map_err(|reason| format!("parameter {:?}: {reason}", parameter.name))
+        let outcome = too_many(parameters.len())
+            .and_then(|()| {
+                parameters
+                    .iter()
+                    .map(|parameter| {
+                        ParameterValue::from_wire(&parameter.value)
+                            .map(|value| (parameter.name.clone(), value))
+                            .map_err(|reason| {
+                                format!("parameter {:?}: {reason}", printable(&parameter.name, NAME_CHARS))
+                            })
+                    })
+                    .collect::<Result<Vec<_>, _>>()
             })
-            .collect::<Result<Vec<_>, _>>()
             .and_then(|parameters| self.set(&parameters));
-        wire::SetParametersResult { successful: outcome.is_ok(), reason: outcome.err().unwrap_or_default() }
+        // The reason repeats names and values of the request.
+        let reason = outcome.as_ref().err().map(|reason| printable(reason, SENTENCE_CHARS).into_owned());
+        wire::SetParametersResult { successful: outcome.is_ok(), reason: reason.unwrap_or_default() }
     }
 
-    // The six services.
+    // The six services. Of longer lists than they take they leave out the rest: no field of theirs says so.
 
     pub(crate) fn list_parameters(&self, request: &wire::ListParametersRequest) -> wire::ListParametersResponse {
         let declared = self.declared();
@@ -398,7 +425,7 @@ impl Store {
             if request.prefixes.is_empty() {
                 return request.depth == 0 || levels(name) < request.depth;
             }
-            request.prefixes.iter().any(|prefix| {
+            request.prefixes.iter().take(MAX_PARAMETERS).any(|prefix| {
                 name.as_str() == prefix
                     || name.strip_prefix(prefix.as_str()).is_some_and(|rest| {
                         rest.starts_with('.') && (request.depth == 0 || levels(&rest[1..]) < request.depth)
@@ -418,6 +445,7 @@ impl Store {
             values: request
                 .names
                 .iter()
+                .take(MAX_PARAMETERS)
                 .map(|name| declared.get(name).map(|entry| entry.value.to_wire()).unwrap_or_default())
                 .collect(),
         }
@@ -432,6 +460,7 @@ impl Store {
             types: request
                 .names
                 .iter()
+                .take(MAX_PARAMETERS)
                 .map(|name| declared.get(name).map_or(0, |entry| entry.value.type_number()))
                 .collect(),
         }
@@ -446,15 +475,24 @@ impl Store {
             descriptors: request
                 .names
                 .iter()
+                .take(MAX_PARAMETERS)
                 .map(|name| match declared.get(name) {
                     Some(entry) => entry.descriptor.clone(),
-                    None => wire::ParameterDescriptor { name: name.clone(), ..Default::default() },
+                    None => wire::ParameterDescriptor {
+                        name: printable(name, NAME_CHARS).into_owned(),
+                        ..Default::default()
+                    },
                 })
                 .collect(),
         }
     }
 
     pub(crate) fn set_parameters(&self, request: &wire::SetParametersRequest) -> wire::SetParametersResponse {
+        if let Err(reason) = too_many(request.parameters.len()) {
+            // None is set; of the refusals there are no more than of parameters that would have been.
+            let refused = wire::SetParametersResult { successful: false, reason };
+            return wire::SetParametersResponse { results: vec![refused; MAX_PARAMETERS] };
+        }
         wire::SetParametersResponse {
             results: request
                 .parameters
@@ -470,6 +508,13 @@ impl Store {
     ) -> wire::SetParametersAtomicallyResponse {
         wire::SetParametersAtomicallyResponse { result: self.set_from_wire(&request.parameters) }
     }
+}
+
+fn too_many(parameters: usize) -> Result<(), String> {
+    if parameters > MAX_PARAMETERS {
+        return Err(format!("{parameters} parameters in one request, expected at most {MAX_PARAMETERS}"));
+    }
+    Ok(())
 }
 
 /// A declared parameter. Reading it takes a lock: not for a control thread. Clones are the same parameter.
@@ -653,105 +698,4 @@ fn values_of(
 }
 
 #[cfg(test)]
-mod tests {
-    use super::*;
-
-    fn store(yaml: &str) -> Arc<Store> {
-        Arc::new(Store::new("/robot/walker".to_string(), &overrides_from_yaml(yaml).unwrap(), |_| {}))
-    }
-
-    #[test]
-    fn files_are_read_by_node_name_and_wildcards() {
-        let store = store(
-            "/**: {ros__parameters: {a: 1, b: 1, c: 1}}\n\
-             /robot/walker: {ros__parameters: {b: 2, group: {d: [1.0, 2.0]}}}\n\
-             robot: {walker: {ros__parameters: {c: 3}}}\n\
-             /*/walker: {ros__parameters: {e: yes}}\n\
-             /walker: {ros__parameters: {a: 9}}\n",
-        );
-        let declare = |name| ParameterBuilder::new(Arc::clone(&store), name, 0_i64).declare().unwrap().get();
-        assert_eq!((declare("a"), declare("b"), declare("c")), (1, 2, 3));
-        let group = ParameterBuilder::new(Arc::clone(&store), "group.d", vec![0.0]).declare().unwrap();
-        assert_eq!(group.get(), [1.0, 2.0]);
-        assert!(ParameterBuilder::new(Arc::clone(&store), "e", false).declare().unwrap().get());
-        assert!(store.unused_overrides().is_empty());
-    }
-
-    #[test]
-    fn wrong_files_are_refused_with_the_place() {
-        let error = |text| overrides_from_yaml(text).unwrap_err();
-        assert!(error("- 1").contains("NODE"));
-        assert!(error("walker: 3").contains("/walker"));
-        assert!(error("ros__parameters: {a: 1}").contains("below a node's name"));
-        assert!(error("walker: {ros__parameters: {a: [1, 2.0]}}").contains("one type"));
-        assert!(error("walker: {ros__parameters: {g: {a: }}}").contains("g.a"));
-    }
-
-    #[test]
-    fn values_are_checked_when_declared_and_when_set() {
-        let store = store("/**: {ros__parameters: {rate: 5000.0, steps: 2.5}}");
-        let build = |name| ParameterBuilder::new(Arc::clone(&store), name, 100.0).range(1.0, 1000.0);
-        let error = build("rate").declare().err().unwrap().to_string();
-        assert!(error.contains("rate") && error.contains("from 1 to 1000") && error.contains("5000"), "{error}");
-        let error = ParameterBuilder::new(Arc::clone(&store), "steps", 1_i64).declare().err().unwrap().to_string();
-        assert!(error.contains("expected integer, got double 2.5"), "{error}");
-
-        let limit = build("limit")
-            .validate("even", |value| if value % 2.0 == 0.0 { Ok(()) } else { Err(format!("{value} is odd")) })
-            .declare()
-            .unwrap();
-        let set = |value: ParameterValue| store.set(&[("limit".to_string(), value)]);
-        assert_eq!(set(ParameterValue::Double(4.0)), Ok(()));
-        assert_eq!(limit.get(), 4.0);
-        assert!(set(ParameterValue::Double(f64::NAN)).unwrap_err().contains("NaN"));
-        assert!(set(ParameterValue::Double(3.0)).unwrap_err().contains("3 is odd"));
-        assert!(set(ParameterValue::Integer(4)).unwrap_err().contains("write 4.0"));
-        assert!(store.set(&[("limt".to_string(), ParameterValue::Double(1.0))]).unwrap_err().contains("limit"));
-        assert_eq!(limit.get(), 4.0);
-        assert!(build("limit").declare().is_err(), "declared twice");
-    }
-
-    #[test]
-    fn several_are_set_all_or_nothing() {
-        let store = store("{}");
-        let a = ParameterBuilder::new(Arc::clone(&store), "a", 1_i64).declare().unwrap();
-        let _b = ParameterBuilder::new(Arc::clone(&store), "b", 1_i64).read_only().declare().unwrap();
-        let both = [("a".to_string(), ParameterValue::Integer(5)), ("b".to_string(), ParameterValue::Integer(5))];
-        assert!(store.set(&both).unwrap_err().contains("read-only"));
-        assert_eq!(a.get(), 1);
-    }
-
-    #[test]
-    fn lists_follow_prefix_and_depth() {
-        let store = store("{}");
-        for name in ["a", "g.b", "g.h.c", "gg.d"] {
-            ParameterBuilder::new(Arc::clone(&store), name, 1_i64).declare().unwrap();
-        }
-        let list = |prefixes: &[&str], depth| {
-            let prefixes = prefixes.iter().map(|prefix| (*prefix).to_string()).collect();
-            store.list_parameters(&wire::ListParametersRequest { prefixes, depth }).result.names
-        };
-        assert_eq!(list(&[], 0), ["a", "g.b", "g.h.c", "gg.d"]);
-        assert_eq!(list(&[], 1), ["a"]);
-        assert_eq!(list(&["g"], 0), ["g.b", "g.h.c"]);
-        assert_eq!(list(&["g"], 1), ["g.b"]);
-        assert_eq!(list(&["a"], 1), ["a"]);
-    }
-
-    #[test]
-    fn patterns_match_as_in_ros() {
-        for (pattern, node, expected) in [
-            ("/**", "/a/b", true),
-            ("/*", "/a", true),
-            ("/*", "/a/b", false),
-            ("/*/b", "/a/b", true),
-            ("/**/b", "/b", true),
-            ("/**/b", "/x/a/b", true),
-            ("/a/**", "/b/a", false),
-            ("/a", "/a", true),
-            ("/a", "/a/b", false),
-        ] {
-            assert_eq!(matches(pattern, node), expected, "{pattern} {node}");
-        }
-    }
-}
+mod tests;

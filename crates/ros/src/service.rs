@@ -11,10 +11,16 @@ use tandem_msgs::Service;
 
 use crate::Wire;
 use crate::matches::Peers;
+use crate::node::Occasionally;
 
 /// How long an answer waits for a caller whose reader is not known yet. A request can overtake the news of it, and what is sent
 /// before is lost; whoever is unknown after this has gone or never listened.
 pub(crate) const INTRODUCTION_OF_CALLER: Duration = Duration::from_secs(1);
+
+/// Requests that wait for a service, unless it says otherwise: whoever floods it holds no more memory than these.
+pub const WAITING: usize = 64;
+/// Answers on their way, at most: to callers that are not known yet, or that do not read.
+const UNSENT: usize = 256;
 
 type Refuse<S> = Box<dyn Fn(&<S as Service>::Request) -> <S as Service>::Response + Send + Sync>;
 
@@ -26,9 +32,10 @@ pub struct ServeOptions<S: Service> {
 }
 
 impl<S: Service> Default for ServeOptions<S> {
-    /// Every request waits for its turn.
+    /// [`WAITING`] requests wait for their turn. Those beyond are refused where the response can say so; else they get
+    /// no answer, as if the queue had not heard them.
     fn default() -> Self {
-        ServeOptions { waiting: usize::MAX, parallel: 1, refuse: None }
+        ServeOptions { waiting: WAITING, parallel: 1, refuse: None }
     }
 }
 
@@ -43,6 +50,15 @@ impl<S: Service> ServeOptions<S> {
     pub fn parallel(mut self, parallel: usize) -> Self {
         self.parallel = parallel.max(1);
         self
+    }
+}
+
+impl<S: Service> ServeOptions<S> {
+    fn refusal(&self, request: &S::Request) -> Option<S::Response> {
+        match &self.refuse {
+            Some(refuse) => Some(refuse(request)),
+            None => S::refusal(request, &format!("busy: {} requests wait already; ask again later", self.waiting)),
+        }
     }
 }
 
@@ -62,6 +78,8 @@ pub(crate) async fn serve<S: Service>(
     let mut running = FuturesUnordered::new();
     // An answer may wait for its caller to become known; no other request must wait for that, least of all one to stop.
     let mut unsent = FuturesUnordered::new();
+    let mut unreadable = Occasionally::default();
+    let mut unheard = Occasionally::default();
     loop {
         while running.len() < options.parallel
             && let Some((id, request)) = waiting.pop_front()
@@ -72,16 +90,35 @@ pub(crate) async fn serve<S: Service>(
         }
         tokio::select! {
             received = requests.next() => match received {
-                Some(Ok((id, Wire(request)))) => match &options.refuse {
-                    Some(refuse) if running.len() >= options.parallel && waiting.len() >= options.waiting => {
-                        unsent.push(respond::<S>(&service, &server, &callers, id, refuse(&request)));
+                Some(Ok((id, Wire(request)))) => {
+                    if running.len() < options.parallel || waiting.len() < options.waiting {
+                        waiting.push_back((id, request));
+                        continue;
                     }
-                    _ => waiting.push_back((id, request)),
-                },
-                Some(Err(error)) => tracing::warn!("service {service}: a request could not be read: {error}"),
+                    // A refusal may act, as one of the emergency stop does: it is made whether or not it can be sent.
+                    let refusal = options.refusal(&request);
+                    match refusal.filter(|_| unsent.len() < UNSENT) {
+                        Some(refusal) => unsent.push(respond::<S>(&service, &server, &callers, id, refusal)),
+                        None => {
+                            if let Some(count) = unheard.now() {
+                                tracing::warn!(
+                                    "service {service}: {} requests wait already; {count} got no answer",
+                                    waiting.len()
+                                );
+                            }
+                        }
+                    }
+                }
+                Some(Err(error)) => {
+                    if let Some(count) = unreadable.now() {
+                        tracing::warn!("service {service}: {count} requests could not be read, the last: {error}");
+                    }
+                }
                 None => return,
             },
             Some((id, outcome)) = running.next() => match outcome {
+                // The work is done; whoever leaves so many answers unread gets no more.
+                Ok(_) if unsent.len() >= UNSENT => tracing::debug!("service {service}: an answer is not sent"),
                 Ok(response) => unsent.push(respond::<S>(&service, &server, &callers, id, response)),
                 Err(error) => {
                     tracing::error!("service {service}: the handler failed, the caller gets no response: {error}");

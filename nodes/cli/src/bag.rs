@@ -9,6 +9,7 @@ use std::io::{BufWriter, Write};
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 use std::time::Instant;
+use tandem_msgs::text::{SENTENCE_CHARS, printable};
 
 /// Look at recordings (rosbag2), repair them, play them, run them again
 ///
@@ -139,7 +140,10 @@ fn info(arguments: &InfoArguments) -> Result<ExitCode> {
             Ok(_) => String::new(),
             Err(error) => format!("  ({error})"),
         };
-        println!("  {:width$}  {:>9} messages {rate:>8.1} Hz  {}{note}", topic.name, topic.messages, topic.type_name);
+        // The file may be anybody's.
+        let line =
+            format!("{:width$}  {:>9} messages {rate:>8.1} Hz  {}{note}", topic.name, topic.messages, topic.type_name);
+        println!("  {}", printable(&line, SENTENCE_CHARS));
     }
     if let Some(cycles) = cycles {
         println!(

@@ -12,6 +12,7 @@ use realtime::{Periodic, RealtimeRequest, monotonic_now};
 use std::path::PathBuf;
 use std::process::ExitCode;
 use std::time::Duration;
+use tandem_msgs::text::{SENTENCE_CHARS, printable};
 use tandem_sim_bridge::drives::Speech;
 
 /// Check this machine and the robot on its buses, before anything is armed
@@ -80,9 +81,10 @@ impl Finding {
             Verdict::Warning => "WARNING",
             Verdict::Failure => "FAILURE",
         };
-        println!("{word:8} {}", self.what);
+        // Names of other nodes, topics and types are in it.
+        println!("{word:8} {}", printable(&self.what, SENTENCE_CHARS));
         if !self.cure.is_empty() {
-            println!("         -> {}", self.cure);
+            println!("         -> {}", printable(&self.cure, SENTENCE_CHARS));
         }
     }
 }

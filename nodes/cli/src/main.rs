@@ -60,7 +60,8 @@ fn main() -> ExitCode {
     match result {
         Ok(code) => code,
         Err(e) => {
-            eprintln!("tandem: {e:#}");
+            // It may repeat what others answered; one line, whatever stands in it.
+            eprintln!("tandem: {}", tandem_msgs::text::printable(&format!("{e:#}"), 4000));
             ExitCode::FAILURE
         }
     }

@@ -14,6 +14,7 @@ use tandem_msgs::geometry_msgs::{Point, Pose, Quaternion, Transform, TransformSt
 use tandem_msgs::nav_msgs::Odometry;
 use tandem_msgs::sensor_msgs::JointState;
 use tandem_msgs::std_msgs::{ColorRGBA, Header};
+use tandem_msgs::text::{SENTENCE_CHARS, printable};
 use tandem_msgs::tf2_msgs::TFMessage;
 use tandem_msgs::visualization_msgs::{Marker, MarkerArray};
 use tandem_msgs::{ControllerState, std_msgs};
@@ -131,13 +132,16 @@ fn listen(node: &Node, heard: &Arc<Mutex<Heard>>, robot: &Robot) -> Result<()> {
     })?;
     hear(node, "gait", Qos::latched(), heard, |heard, message: tandem_msgs::Gait| match message.to_gait() {
         Ok(gait) => heard.gait = Some(gait),
-        Err(error) => eprintln!("gait \"{}\" is not shown: {error}", message.name),
+        Err(error) => {
+            let line = format!("gait \"{}\" is not shown: {error}", message.name);
+            eprintln!("{}", printable(&line, SENTENCE_CHARS));
+        }
     })?;
     // In a bag the gait is a file's text.
     hear(node, "gait_file", Qos::latched(), heard, |heard, message: std_msgs::String| {
         match Gait::from_json(&message.data) {
             Ok(gait) => heard.gait = Some(gait),
-            Err(error) => eprintln!("the gait is not shown: {error}"),
+            Err(error) => eprintln!("the gait is not shown: {}", printable(&error.to_string(), SENTENCE_CHARS)),
         }
     })?;
     Ok(())

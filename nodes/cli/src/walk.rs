@@ -1,5 +1,7 @@
 //! `tandem walk`: a client of the three nodes. It asks for gaits, lets the robot walk them, watches, records and reports.
 
+mod recorded;
+mod summary;
 mod watch;
 
 use crate::robots::RobotArguments;
@@ -10,7 +12,9 @@ use ros::{Client, Node};
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 use std::time::{Duration, Instant};
+use summary::summary;
 use tandem_msgs::std_srvs::{Trigger, TriggerRequest};
+use tandem_msgs::text::{SENTENCE_CHARS, printable};
 use tandem_msgs::{
     GenerateGait, GenerateGaitRequest, GenerateGaitResponse, StartRecording, StartRecordingRequest, StopRecording,
     StopRecordingRequest, StopRecordingResponse,
@@ -226,8 +230,7 @@ impl<'a> Session<'a> {
         write(&folder.join("gait.json"), gait.to_json().as_bytes())?;
 
         self.trigger("reset")?;
-        let bag_folder = std::path::absolute(folder.join("bag"))?;
-        let request = StartRecordingRequest { folder: bag_folder.display().to_string() };
+        let request = StartRecordingRequest { folder: recorded::name(name)? };
         let started = self.start_recording.call(request, RECORDING_PATIENCE)?;
         if !started.success {
             bail!("the controller does not record: {}", started.message);
@@ -261,13 +264,15 @@ impl<'a> Session<'a> {
             self.trigger("sit")?;
             self.wait_for_mode("disarmed").or_else(|_| self.trigger("disarm"))?;
         } else {
-            println!("\r{name}: {outcome}          ");
+            println!("\r{name}: {}          ", printable(&outcome.to_string(), SENTENCE_CHARS));
         }
         let recorded = self.watch.end()?;
         let bag = self.stop_recording.call(StopRecordingRequest::default(), RECORDING_PATIENCE)?;
         let mut problems = Vec::new();
         if !bag.success {
             problems.push(format!("the recording failed: {}", bag.message));
+        } else if let Err(problem) = recorded::fetch(Path::new(&bag.folder), &folder.join("bag")) {
+            problems.push(format!("the bag stays in {} on the controller's machine: {problem:#}", bag.folder));
         }
         let mut walked = Walked {
             figures: recorded.figures,
@@ -355,56 +360,6 @@ impl Walked {
             "problems": self.problems,
         })
     }
-}
-
-/// The table at the end.
-fn summary(robot: &Robot, done: &[Walked]) -> String {
-    let mut text = format!("\n{}\n", robot.name);
-    let row3 = |name: &str, [roll, pitch, knee]: [f64; 3]| format!("  {name:28}{roll:10.2}{pitch:11.2}{knee:8.2}\n");
-    for walked in done {
-        let (gait, f) = (&walked.gait, &walked.figures);
-        let solver = &gait.solver;
-        text += &format!(
-            "{}: {}\n  planned in {:.3} s and {} iterations ({}, cost {:.6}, largest violation {:.1e})\n",
-            gait.name,
-            walked.outcome,
-            solver.solve_time_s,
-            solver.iterations,
-            solver.status,
-            solver.objective,
-            solver.max_violation
-        );
-        text += &format!(
-            "  speed asked {:.3} m/s, got {:.3} m/s ahead and {:.3} m/s to the left, turned {:.1} deg\n",
-            gait.speed_m_s(),
-            f.speed_m_s,
-            f.lateral_speed_m_s,
-            f.turned_deg
-        );
-        text += "  mean |torque|, Nm             hip roll  hip pitch    knee\n";
-        text += &row3("here", f.mean_abs_torque_nm.into());
-        if let Some(paper) = report::table_two(&gait.name) {
-            text += &row3("the paper's MuJoCo", paper.mujoco_nm);
-            text += &row3("the paper's experiment", paper.experiment_nm);
-        }
-        text += &format!(
-            "  {} control cycles, {} missed, {} with a stale state; {} joint states lost on the way here\n",
-            walked.controller.cycles,
-            walked.controller.missed_cycles,
-            walked.controller.stale_inputs,
-            walked.lost_states
-        );
-        text += &format!(
-            "  bag: {} messages, {:.1} MB, {} dropped\n",
-            walked.bag.messages,
-            walked.bag.bytes as f64 * 1e-6,
-            walked.bag.dropped
-        );
-        for problem in &walked.problems {
-            text += &format!("  {problem}\n");
-        }
-    }
-    text
 }
 
 fn write(file: &Path, bytes: &[u8]) -> Result<()> {

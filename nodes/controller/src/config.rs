@@ -1,6 +1,7 @@
 //! The node's parameters.
 
 use crate::dds_bus::CycleClock;
+use crate::record_root;
 use control::{Config, DriveMode, default};
 use realtime::RealtimeRequest;
 use robot::Robot;
@@ -43,8 +44,10 @@ pub struct Parameters {
     pub middleware_timeout: Option<Duration>,
     /// Start on the gait as soon as there is one: the robot is simulated and put there.
     pub start_on_gait: bool,
-    /// Every run is recorded into a new folder in this one.
-    pub record_folder: Option<PathBuf>,
+    /// The folder below which every recording lies.
+    pub record_root: Option<PathBuf>,
+    /// Every run is recorded, into a folder named by its time.
+    pub record_every_run: bool,
     /// Files of a recording end after so many bytes.
     pub split_bytes: Option<u64>,
     /// Files of a recording end after so long.
@@ -72,6 +75,22 @@ fn one_of(allowed: &'static [&'static str]) -> impl Fn(&String) -> Result<(), St
             Err(format!("expected {}, got \"{value}\"", allowed.join(" or ")))
         }
     }
+}
+
+fn record_root(node: &Node) -> Result<Option<PathBuf>, RosError> {
+    let root = node
+        .parameter("record_root", String::new())
+        .description(
+            "The folder below which every recording lies, whoever asks for it; empty: tandem/recordings in XDG_DATA_HOME or ~/.local/share.",
+        )
+        .read_only()
+        .declare()?
+        .get();
+    if root.is_empty() {
+        return Ok(record_root::default_root());
+    }
+    let whole = std::path::absolute(&root);
+    whole.map(Some).map_err(|error| RosError::Parameter { name: "record_root".into(), reason: error.to_string() })
 }
 
 impl Parameters {
@@ -175,12 +194,12 @@ impl Parameters {
             false,
             "The robot is simulated and put on the gait's first instant: arm and walk as soon as a gait is there. Never for a real robot.",
         )?;
-        let record_folder = node
-            .parameter("record_folder", String::new())
-            .description("Each start of the node records into a new folder in this one, named by the time in UTC; empty: recordings begin with start_recording.")
-            .read_only()
-            .declare()?
-            .get();
+        let record_root = record_root(node)?;
+        let record_every_run = flag(
+            "record_every_run",
+            false,
+            "Each start of the node begins a recording, named by the time in UTC; else they begin with start_recording.",
+        )?;
         let split_mb = number(
             "record_split_mb",
             0.0,
@@ -195,8 +214,7 @@ impl Parameters {
             1e5,
             "A recording goes on in a further file after so long, s; 0: never.",
         )?;
-        let lockstep = mode == "lockstep";
-        let on_bus = backend == "can";
+        let (lockstep, on_bus) = (mode == "lockstep", backend == "can");
         let middleware_timeout_s = number(
             "middleware_timeout_s",
             if on_bus { 0.013 } else { 0.1 },
@@ -242,7 +260,8 @@ impl Parameters {
             heartbeat: (heartbeat_s > 0.0).then(|| Duration::from_secs_f64(heartbeat_s)),
             middleware_timeout: (!lockstep).then(|| Duration::from_secs_f64(middleware_timeout_s)),
             start_on_gait,
-            record_folder: (!record_folder.is_empty()).then(|| record_folder.into()),
+            record_root,
+            record_every_run,
             split_bytes: (split_mb > 0.0).then_some((split_mb * 1e6) as u64),
             split_duration: (split_s > 0.0).then(|| Duration::from_secs_f64(split_s)),
             values: Values {

@@ -9,17 +9,18 @@ use crate::tape::{self, Recording};
 use control::{Config, Fault, JOINTS, Mode, PreparedGait, Refusal, Request};
 use gait::Gait;
 use realtime::monotonic_now;
-use ros::{Node, Qos, RosError};
+use ros::{Node, Qos, RosError, ServeOptions};
 use rtrb::Producer;
 use std::collections::HashMap;
 use std::sync::mpsc::{RecvTimeoutError, Sender, channel};
 use std::sync::{Arc, Mutex, PoisonError};
 use std::thread::Thread;
 use std::time::{Duration, Instant};
-use tandem_msgs::std_srvs::{SetBool, SetBoolResponse, Trigger, TriggerResponse};
+use tandem_msgs::std_srvs::{SetBool, SetBoolRequest, SetBoolResponse, Trigger, TriggerResponse};
+use tandem_msgs::text::{NAME_CHARS, SENTENCE_CHARS, printable};
 use tandem_msgs::{
-    ClearFault, ClearFaultResponse, LoadGait, LoadGaitResponse, StartRecording, StartRecordingResponse, StopRecording,
-    StopRecordingResponse, sensor_msgs, std_msgs,
+    ClearFault, ClearFaultResponse, LoadGait, LoadGaitResponse, Service, StartRecording, StartRecordingResponse,
+    StopRecording, StopRecordingResponse, sensor_msgs, std_msgs,
 };
 
 /// How long a service waits for the cycle. In lockstep time may stand still; the request is then applied when it goes on.
@@ -175,6 +176,38 @@ impl Desk {
         Ok(format!("gait \"{}\": {:.3} s a step, {:.3} m/s", gait.name, gait.step_duration_s, gait.speed_m_s()))
     }
 
+    fn open_emergency_stop(&self, node: &Node) -> Result<(), RosError> {
+        let stop = Arc::clone(&self.emergency_stop);
+        let leaving = Arc::clone(&self.emergency_stop);
+        let mut warned = false;
+        node.subscribe_from(
+            "emergency_stop",
+            Qos::reliable(EMERGENCY_STOP_DEPTH),
+            move |publisher, message: std_msgs::Bool| {
+                if !stop.heard(publisher, message.data, monotonic_now()) && !std::mem::replace(&mut warned, true) {
+                    tracing::error!("emergency_stop has more than {PUBLISHERS} publishers: that counts as pressed");
+                }
+            },
+            move |departure| leaving.left(departure),
+        )?;
+        let stop = Arc::clone(&self.emergency_stop);
+        let press = move |request: &SetBoolRequest| {
+            stop.set_by_service(request.data, monotonic_now());
+            let message = if request.data { "pressed: the robot is damped" } else { "released; it stays damped" };
+            SetBoolResponse { success: true, message: message.into() }
+        };
+        // A press counts however many requests wait before it; a release beyond them is told that it is busy.
+        let beyond = press.clone();
+        let options = ServeOptions::bounded(ros::WAITING, move |request: &SetBoolRequest| {
+            if request.data {
+                beyond(request)
+            } else {
+                SetBool::refusal(request, "busy: ask again later").unwrap_or_default()
+            }
+        });
+        node.serve_with::<SetBool>("emergency_stop", options, move |request| press(&request))
+    }
+
     /// Creates the node's subscriptions and services.
     pub fn open(self: &Arc<Self>, node: &Node, mut sensors: Sensors, fast: Qos) -> Result<(), RosError> {
         if let Some(states) = sensors.states.take() {
@@ -215,28 +248,14 @@ impl Desk {
         node.subscribe("gait", Qos::latched(), move |message: tandem_msgs::Gait| {
             match message.to_gait().map_err(|e| e.to_string()).and_then(|gait| desk.load(&gait)) {
                 Ok(what) => tracing::info!("{what}"),
-                Err(reason) => tracing::error!("gait \"{}\" refused: {reason}", message.name),
+                Err(reason) => tracing::error!(
+                    "gait \"{}\" refused: {}",
+                    printable(&message.name, NAME_CHARS),
+                    printable(&reason, SENTENCE_CHARS)
+                ),
             }
         })?;
-        let stop = Arc::clone(&self.emergency_stop);
-        let leaving = Arc::clone(&self.emergency_stop);
-        let mut warned = false;
-        node.subscribe_from(
-            "emergency_stop",
-            Qos::reliable(EMERGENCY_STOP_DEPTH),
-            move |publisher, message: std_msgs::Bool| {
-                if !stop.heard(publisher, message.data, monotonic_now()) && !std::mem::replace(&mut warned, true) {
-                    tracing::error!("emergency_stop has more than {PUBLISHERS} publishers: that counts as pressed");
-                }
-            },
-            move |departure| leaving.left(departure),
-        )?;
-        let stop = Arc::clone(&self.emergency_stop);
-        node.serve::<SetBool>("emergency_stop", move |request| {
-            stop.set_by_service(request.data, monotonic_now());
-            let message = if request.data { "pressed: the robot is damped" } else { "released; it stays damped" };
-            SetBoolResponse { success: true, message: message.into() }
-        })?;
+        self.open_emergency_stop(node)?;
         for (service, request) in [
             ("arm", Request::Arm),
             ("disarm", Request::Disarm),
@@ -260,17 +279,17 @@ impl Desk {
                     false,
                     format!(
                         "there is no fault \"{}\"; there are {}",
-                        request.name,
+                        printable(&request.name, NAME_CHARS),
                         Fault::ALL.map(Fault::name).join(", ")
                     ),
                 ),
             };
-            tracing::info!("clear_fault {}: {message}", request.name);
+            tracing::info!("clear_fault {}: {message}", printable(&request.name, NAME_CHARS));
             ClearFaultResponse { success, message }
         })?;
         let recording = Arc::clone(&self.recording);
         node.serve::<StartRecording>("start_recording", move |request| {
-            let started = recording.start(request.folder.into());
+            let started = recording.start(&request.folder);
             let (success, message) = started.map_or_else(|reason| (false, reason), |()| (true, String::new()));
             if !success {
                 tracing::warn!("start_recording: {message}");
@@ -293,7 +312,8 @@ impl Desk {
             let loaded = Gait::from_json(&request.json).map_err(|e| e.to_string()).and_then(|gait| desk.load(&gait));
             let (success, message) = match loaded {
                 Ok(what) => (true, what),
-                Err(reason) => (false, reason),
+                // It may repeat what stands in the text.
+                Err(reason) => (false, printable(&reason, SENTENCE_CHARS).into_owned()),
             };
             tracing::info!("load_gait: {message}");
             LoadGaitResponse { success, message }

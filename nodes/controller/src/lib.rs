@@ -23,5 +23,6 @@ pub mod emergency_stop;
 pub mod inputs;
 pub mod ports;
 pub mod press;
+pub mod record_root;
 pub mod tape;
 pub mod work;

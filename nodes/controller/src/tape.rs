@@ -129,6 +129,8 @@ pub struct Subject {
     pub leg_names: [String; LEGS],
     /// Nanoseconds from the epoch to the controller's clock's zero; 0 where the clock itself counts from the epoch.
     pub epoch_ns: u64,
+    /// The folder below which every recording lies; none: nothing can be recorded.
+    pub record_root: Option<PathBuf>,
     /// Files end after so many bytes or so much time, and a further one begins.
     pub split_bytes: Option<u64>,
     /// See above.
@@ -156,7 +158,7 @@ pub struct RecordingStatus {
 type Gaits = Arc<Mutex<BTreeMap<u64, (Gait, PreparedGait)>>>;
 
 enum Order {
-    Start(PathBuf, SyncSender<Result<(), String>>),
+    Start(String, SyncSender<Result<(), String>>),
     Stop(SyncSender<Result<StopRecordingResponse, String>>),
     End,
     Other { topic: &'static str, leg: Option<usize>, cdr: Vec<u8> },
@@ -239,12 +241,12 @@ pub fn tape(subject: Subject) -> (Tape, Recording, Writer) {
 }
 
 impl Recording {
-    /// Begins a recording in a folder that is empty or not there.
+    /// Begins a recording in the folder of this name below the root; it must be empty or not there.
     ///
     /// # Errors
     /// A sentence for people.
-    pub fn start(&self, folder: PathBuf) -> Result<(), String> {
-        self.order(|reply| Order::Start(folder, reply))
+    pub fn start(&self, name: &str) -> Result<(), String> {
+        self.order(|reply| Order::Start(name.to_owned(), reply))
     }
 
     /// Ends the recording.
@@ -400,8 +402,8 @@ impl Writer {
     fn obey(&mut self, order: Order) {
         match order {
             // Whoever asked and no longer waits has been told so.
-            Order::Start(folder, reply) => {
-                let started = self.start(folder);
+            Order::Start(name, reply) => {
+                let started = self.start(&name);
                 if let Err(reason) = &started {
                     lock(&self.status).fault = Some(reason.clone());
                 }
@@ -420,18 +422,15 @@ impl Writer {
         }
     }
 
-    fn start(&mut self, folder: PathBuf) -> Result<(), String> {
+    fn start(&mut self, name: &str) -> Result<(), String> {
         if let Some(run) = &self.run {
             return Err(format!("{} is being recorded; stop that recording first", run.recorder.folder().display()));
         }
-        if !folder.is_absolute() {
-            return Err(format!("the folder is \"{}\", expected a whole path: /…", folder.display()));
-        }
-        let [a, b, c, d] = &self.subject.leg_names;
+        let folder = crate::record_root::folder(self.subject.record_root.as_deref(), name)?;
         let info = RunInfo {
             config: &self.subject.config,
             robot_description: &self.subject.robot_description,
-            leg_names: [a, b, c, d],
+            leg_names: self.subject.leg_names.each_ref().map(String::as_str),
             epoch_ns: self.subject.epoch_ns,
         };
         let options = RecorderOptions {

@@ -174,6 +174,7 @@ impl Work {
             robot_description: robot.urdf.clone(),
             leg_names: Clone::clone(&leg_names),
             epoch_ns: if own_clock { u64::try_from(zero.as_nanos()).unwrap_or_default() } else { 0 },
+            record_root: parameters.record_root.clone(),
             split_bytes: parameters.split_bytes,
             split_duration: parameters.split_duration,
         });
@@ -194,12 +195,11 @@ impl Work {
         let every = (parameters.state_every, parameters.joint_states_every);
         let press = Press::new(&node, joint_names.clone(), every, speaker, Arc::clone(&recording), problems)?;
         let writer = std::thread::Builder::new().name("recording".into()).spawn(move || writer.run())?;
-        if let Some(folder) = &parameters.record_folder {
-            let folder = std::path::absolute(folder)?.join(tape::folder_name(since_epoch));
+        if parameters.record_every_run
             // The robot walks without its recording; the fault stands in diagnostics until one begins.
-            if let Err(reason) = recording.start(folder) {
-                tracing::error!("no recording: {reason}");
-            }
+            && let Err(reason) = recording.start(&tape::folder_name(since_epoch))
+        {
+            tracing::error!("no recording: {reason}");
         }
         let room = PressRoom { press, said, desk: Arc::clone(&desk), cycle_ended: Arc::clone(&cycle_ended) };
         let press = std::thread::Builder::new().name("press".into()).spawn(move || room.run())?;

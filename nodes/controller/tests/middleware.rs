@@ -170,6 +170,7 @@ fn walk_and_break(bus: &str, how: &str, timeout: Duration) {
         robot_description: robot.urdf.clone(),
         leg_names: std::array::from_fn(|leg| robot.legs[leg].name.clone()),
         epoch_ns: 0,
+        record_root: None,
         split_bytes: None,
         split_duration: None,
     });
@@ -177,8 +178,7 @@ fn walk_and_break(bus: &str, how: &str, timeout: Duration) {
     let health = node.stop().health();
     let (mut gaits, gaits_out) = RingBuffer::new(4);
     gaits.push((1, prepared)).map_err(drop).unwrap();
-    let (_tilts, tilts) = RingBuffer::new(4);
-    let (_asked, asked) = RingBuffer::new(4);
+    let ((_tilts, tilts), (_asked, asked)) = (RingBuffer::new(4), RingBuffer::new(4));
     // Nobody prints: what does not fit is dropped.
     let (said, _said) = RingBuffer::new(4);
     let stop = Arc::new(AtomicBool::new(false));

@@ -27,14 +27,14 @@ struct Bench {
 }
 
 impl Bench {
-    fn new(split_bytes: Option<u64>) -> Self {
-        let (mut bench, writer) = Self::without_writer(split_bytes);
+    fn new(record_root: &Path, split_bytes: Option<u64>) -> Self {
+        let (mut bench, writer) = Self::without_writer(record_root, split_bytes);
         bench.writer = Some(std::thread::spawn(move || writer.run()));
         bench
     }
 
     /// Whoever calls it turns the writer.
-    fn without_writer(split_bytes: Option<u64>) -> (Self, Writer) {
+    fn without_writer(record_root: &Path, split_bytes: Option<u64>) -> (Self, Writer) {
         let root = Path::new(env!("CARGO_MANIFEST_DIR"));
         let robot = Robot::load(&root.join("../../config/robots/vision60")).unwrap();
         let text = std::fs::read_to_string(root.join("../sim_bridge/tests/data/amble.json")).unwrap();
@@ -46,6 +46,7 @@ impl Bench {
             robot_description: robot.urdf.clone(),
             leg_names: std::array::from_fn(|leg| robot.legs[leg].name.clone()),
             epoch_ns: 0,
+            record_root: Some(record_root.to_owned()),
             split_bytes,
             split_duration: None,
         });
@@ -132,10 +133,10 @@ impl Drop for Bench {
 #[test]
 fn a_recorded_cycle_allocates_nothing_and_runs_again_to_the_bit() {
     let folder = tempfile::tempdir().unwrap();
-    let mut bench = Bench::new(None);
+    let mut bench = Bench::new(folder.path(), None);
     let whole = folder.path().join("whole");
-    bench.recording.start(whole.clone()).unwrap();
-    assert!(bench.recording.start(folder.path().join("second")).unwrap_err().contains("is being recorded"));
+    bench.recording.start("whole").unwrap();
+    assert!(bench.recording.start("second").unwrap_err().contains("is being recorded"));
     bench.run(3000);
     let done = bench.recording.stop().unwrap();
     assert_eq!((done.dropped, done.folder.as_str()), (0, whole.to_str().unwrap()));
@@ -147,7 +148,7 @@ fn a_recorded_cycle_allocates_nothing_and_runs_again_to_the_bit() {
     // A second recording begins in the middle of the walk.
     bench.run(500);
     let later = folder.path().join("later");
-    bench.recording.start(later.clone()).unwrap();
+    bench.recording.start("later").unwrap();
     bench.run(2000);
     bench.recording.stop().unwrap();
     let verification = verify(&later).unwrap();
@@ -160,8 +161,8 @@ fn a_recorded_cycle_allocates_nothing_and_runs_again_to_the_bit() {
 #[test]
 fn the_node_s_end_completes_the_recording() {
     let folder = tempfile::tempdir().unwrap();
-    let mut bench = Bench::new(Some(200_000));
-    bench.recording.start(folder.path().join("run")).unwrap();
+    let mut bench = Bench::new(folder.path(), Some(200_000));
+    bench.recording.start("run").unwrap();
     bench.run(4000);
     drop(bench);
     let bag = Bag::open(folder.path().join("run")).unwrap();
@@ -173,8 +174,8 @@ fn the_node_s_end_completes_the_recording() {
 #[test]
 fn a_writer_that_falls_behind_never_holds_the_cycle_up_and_every_drop_is_counted() {
     let folder = tempfile::tempdir().unwrap();
-    let mut bench = Bench::new(None);
-    bench.recording.start(folder.path().join("run")).unwrap();
+    let mut bench = Bench::new(folder.path(), None);
+    bench.recording.start("run").unwrap();
     // Far faster than any writer.
     let cycles = 100_000;
     for _ in 0..cycles {
@@ -191,37 +192,45 @@ fn a_writer_that_falls_behind_never_holds_the_cycle_up_and_every_drop_is_counted
 #[test]
 fn a_folder_that_cannot_be_written_is_a_fault_and_the_robot_walks_on() {
     let folder = tempfile::tempdir().unwrap();
-    std::fs::write(folder.path().join("precious"), "x").unwrap();
-    let mut bench = Bench::new(None);
+    std::fs::create_dir(folder.path().join("full")).unwrap();
+    std::fs::write(folder.path().join("full/precious"), "x").unwrap();
+    let mut bench = Bench::new(folder.path(), None);
     bench.run(100);
-    for (place, words) in [
-        (PathBuf::from("run"), "expected a whole path"),
-        (folder.path().to_owned(), "not an empty folder"),
-        (folder.path().join("precious/run"), "cannot create"),
-        // Nobody may write there, not even root.
-        (PathBuf::from("/proc/run"), "cannot create"),
+    let elsewhere = tempfile::tempdir().unwrap();
+    std::os::unix::fs::symlink(elsewhere.path(), folder.path().join("link")).unwrap();
+    for (name, words) in [
+        ("/etc/cron.d", "record_root"),
+        ("../out", "record_root"),
+        ("run\n[INFO] armed", "record_root"),
+        ("link", "is a link"),
+        ("full", "not an empty folder"),
     ] {
-        let error = bench.recording.start(place).unwrap_err();
-        assert!(error.contains(words), "{error}");
+        let error = bench.recording.start(name).unwrap_err();
+        assert!(error.contains(words) && !error.contains('\n'), "{error}");
         assert_eq!(bench.recording.status().fault.as_ref(), Some(&error));
         bench.run(100);
     }
-    assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 1, "something was written");
-    bench.recording.start(folder.path().join("run")).unwrap();
+    // Nobody may write there, not even root.
+    let error = Bench::new(Path::new("/proc/recordings"), None).recording.start("run").unwrap_err();
+    assert!(error.contains("cannot create"), "{error}");
+    assert_eq!(std::fs::read_dir(elsewhere.path()).unwrap().count(), 0, "something was written");
+    assert_eq!(std::fs::read_dir(folder.path().join("full")).unwrap().count(), 1, "something was written");
+    assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 2, "something was written");
+    bench.recording.start("run").unwrap();
     assert_eq!(bench.recording.status().fault, None);
 }
 
 #[test]
 fn a_removed_folder_is_a_fault_and_the_next_recording_works() {
     let folder = tempfile::tempdir().unwrap();
-    let mut bench = Bench::new(None);
-    bench.recording.start(folder.path().join("run")).unwrap();
+    let mut bench = Bench::new(folder.path(), None);
+    bench.recording.start("run").unwrap();
     bench.run(200);
     std::fs::remove_dir_all(folder.path().join("run")).unwrap();
     let fault = bench.run_until_fault();
     assert!(fault.contains("was the folder removed?"), "{fault}");
     assert!(bench.recording.stop().unwrap_err().contains("the recording stopped"));
-    bench.recording.start(folder.path().join("run")).unwrap();
+    bench.recording.start("run").unwrap();
     bench.run(200);
     bench.recording.stop().unwrap();
     assert_eq!(verify(folder.path().join("run")).unwrap().different, 0);
@@ -264,8 +273,8 @@ fn a_full_disk_is_a_fault_and_what_is_on_it_is_recovered() {
         );
         return;
     };
-    let mut bench = Bench::new(None);
-    bench.recording.start(disk.0.join("run")).unwrap();
+    let mut bench = Bench::new(&disk.0, None);
+    bench.recording.start("run").unwrap();
     let fault = bench.run_until_fault();
     assert!(fault.contains("cannot write") && fault.contains("No space left"), "{fault}");
     bench.run(500);
@@ -285,12 +294,12 @@ fn a_read_only_folder_is_a_fault_and_the_robot_walks_on() {
         return;
     };
     disk.make_read_only();
-    let mut bench = Bench::new(None);
-    let error = bench.recording.start(disk.0.join("run")).unwrap_err();
+    let mut bench = Bench::new(folder.path(), None);
+    let error = bench.recording.start("disk").unwrap_err();
     assert!(error.contains("cannot create") && error.contains("Read-only file system"), "{error}");
     assert_eq!(bench.recording.status().fault.as_ref(), Some(&error));
     bench.run(300);
-    bench.recording.start(folder.path().join("run")).unwrap();
+    bench.recording.start("run").unwrap();
     bench.run(100);
     assert_eq!(bench.recording.stop().unwrap().dropped, 0);
 }
@@ -301,10 +310,9 @@ fn a_read_only_folder_is_a_fault_and_the_robot_walks_on() {
 fn a_writer_that_is_stalled_leaves_a_hole_of_known_size() {
     const BUFFER: u64 = 2048;
     let folder = tempfile::tempdir().unwrap();
-    let (mut bench, mut writer) = Bench::without_writer(None);
-    let place = folder.path().join("run");
+    let (mut bench, mut writer) = Bench::without_writer(folder.path(), None);
     let recording = Arc::clone(&bench.recording);
-    turn_while(&mut writer, move || recording.start(place)).unwrap();
+    turn_while(&mut writer, move || recording.start("run")).unwrap();
     for _ in 0..500 {
         bench.cycle();
         writer.turn();

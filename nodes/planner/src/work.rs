@@ -9,6 +9,7 @@ use std::time::{Duration, Instant};
 use robot::Robot;
 use ros::{Clock, GoalEnd, Managed, Node, Publisher, Qos, RosError, ServeOptions};
 use tandem_msgs::builtin_interfaces::Time;
+use tandem_msgs::text::{NAME_CHARS, SENTENCE_CHARS, printable};
 use tandem_msgs::{
     Gait, GenerateGait, GenerateGaitAction, GenerateGaitFeedback, GenerateGaitRequest, GenerateGaitResponse,
 };
@@ -254,6 +255,8 @@ fn announce(
     stamp: Time,
     gaits: &Publisher<Gait>,
 ) {
+    // It may repeat what was asked for.
+    response.message = printable(&response.message, SENTENCE_CHARS).into_owned();
     if let Some(mut gait) = gait {
         tracing::info!("planned {}", response.message);
         gait.header.stamp = stamp;
@@ -262,6 +265,7 @@ fn announce(
             tracing::error!("{error}");
         }
     } else {
+        let behaviour = printable(behaviour, NAME_CHARS);
         tracing::warn!("{behaviour:?} was not planned: {}: {}", response.status, response.message);
     }
 }
