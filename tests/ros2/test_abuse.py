@@ -306,6 +306,8 @@ def test_values_that_cannot_be_are_refused_by_name(robot, client):
             assert time.monotonic() < deadline, f"{topic}: nobody says {expected!r}:\n{log.text()[-1500:]}"
         client.node.destroy_publisher(publisher)
     assert all(node.alive() for node in robot.nodes)
+    # That somebody else publishes commands at all is a fault of its own.
+    wait_until(lambda: "second_controller" in robot.states[-1].fault, 5, lambda: f"{robot.states[-1]}")
     assert robot.mode() == "disarmed"
     # It says so where others look, and goes on: the same robot stands up and sits down.
     fault = robot.states[-1].fault

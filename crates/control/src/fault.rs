@@ -181,6 +181,9 @@ impl FaultReport {
             Fault::OverTemperature | Fault::DriveHot => ("°C", "let the drive cool down"),
             Fault::DriveError => ("as error code", "look the code up in the drive's manual"),
             Fault::BusDown => ("", "run `tandem doctor`"),
+            Fault::SecondController if self.joint.is_none() => {
+                ("other publishers of joint_command", "stop the other controller of this robot")
+            }
             Fault::SecondController => ("commands of somebody else", "stop the other controller of this robot"),
             Fault::Overrun => ("s between two cycles", "give the controller real-time rights (docs/hardware.md)"),
             Fault::ClockJump => ("s", "restart the controller after the clock or the simulation"),

@@ -55,6 +55,7 @@ mod logging;
 mod matches;
 mod names;
 mod node;
+mod others;
 mod parameters;
 mod publisher;
 mod qos;

@@ -2,13 +2,14 @@
 
 use std::collections::BTreeMap;
 use std::pin::pin;
-use std::sync::Arc;
+use std::sync::{Arc, Mutex, PoisonError};
 
 use futures::StreamExt;
 use ros2_client::dds::rustdds::{
     DomainParticipantStatusEvent as Event, DomainParticipantStatusListener, GUID, LostReason, StatusEvented,
 };
 use ros2_client::{Gid, RmwRequestId};
+use tokio::sync::mpsc::{UnboundedReceiver, UnboundedSender, unbounded_channel};
 use tokio::sync::watch;
 
 use crate::node::Core;
@@ -70,7 +71,7 @@ pub struct Departure {
 
 impl Departure {
     /// Bytes of an identity that are its participant's.
-    const PARTICIPANT: usize = 12;
+    pub(crate) const PARTICIPANT: usize = 12;
 
     /// One publisher is gone.
     #[must_use]
@@ -100,16 +101,56 @@ impl Departure {
     }
 }
 
+/// Who wants to know of publishers of one topic (the middleware's name of it) and type.
+struct Listener {
+    topic: String,
+    type_name: String,
+    came: UnboundedSender<PublisherId>,
+}
+
+/// What other participants say that they publish.
+#[derive(Default)]
+pub(crate) struct Announcements(Mutex<Vec<Listener>>);
+
+impl Announcements {
+    /// Tells of every publisher of this topic and type that is announced from now on, as often as it is.
+    pub(crate) fn listen(&self, topic: &str, type_name: &str) -> UnboundedReceiver<PublisherId> {
+        let (came, receiver) = unbounded_channel();
+        let listener = Listener { topic: topic.into(), type_name: type_name.into(), came };
+        self.0.lock().unwrap_or_else(PoisonError::into_inner).push(listener);
+        receiver
+    }
+
+    fn note(&self, event: &Event) {
+        let Event::WriterDetected { writer } = event else { return };
+        let mut listeners = self.0.lock().unwrap_or_else(PoisonError::into_inner);
+        listeners.retain(|listener| {
+            let meant = listener.topic == writer.topic_name && listener.type_name == writer.type_name;
+            if meant {
+                listener.came.send(PublisherId(writer.guid.to_bytes())).is_ok()
+            } else {
+                !listener.came.is_closed()
+            }
+        });
+    }
+}
+
 /// The matches of all endpoints of a node.
 #[derive(Default)]
-pub(crate) struct Matches(watch::Sender<Table>);
+pub(crate) struct Matches(watch::Sender<Table>, Announcements);
 
 impl Matches {
+    /// What others say that they publish, matched or not.
+    pub(crate) fn announcements(&self) -> &Announcements {
+        &self.1
+    }
+
     /// Keeps the table up to date until it is aborted. The middleware has one queue of events: nobody else may read it.
     pub(crate) async fn follow(core: Arc<Core>, listener: DomainParticipantStatusListener) {
         let mut events = pin!(listener.as_async_status_stream());
         while let Some(event) = events.next().await {
             core.matches.0.send_if_modified(|table| table.note(&event));
+            core.matches.announcements().note(&event);
             if let Some(departure) = Departure::of(&event) {
                 core.note_departure(departure);
             }

@@ -9,13 +9,13 @@ use std::time::{Duration, Instant};
 use futures::StreamExt;
 use ros2_client::action::ActionServerQosPolicies;
 use ros2_client::dds::ServiceMapping;
-use ros2_client::dds::rustdds::{DomainParticipantBuilder, GUID, RTPSEntity};
+use ros2_client::dds::rustdds::{DomainParticipantBuilder, GUID};
 use ros2_client::{ActionTypeName, Context, Gid, MessageTypeName, Name, NodeName, NodeOptions, ServiceTypeName};
 use tandem_msgs::builtin_interfaces::Time;
 use tandem_msgs::rcl_interfaces as wire;
 use tandem_msgs::{Action, Message, Service, rosgraph_msgs};
 use tokio::runtime::{Handle, Runtime};
-use tokio::sync::mpsc::UnboundedSender;
+use tokio::sync::mpsc::{UnboundedReceiver, UnboundedSender, unbounded_channel};
 use tokio::sync::watch;
 use tokio::task::JoinHandle;
 
@@ -111,7 +111,7 @@ impl Core {
         guard.as_mut().map(action)
     }
 
-    fn context(&self) -> Option<Context> {
+    pub(crate) fn context(&self) -> Option<Context> {
         self.context.lock().unwrap_or_else(PoisonError::into_inner).clone()
     }
 
@@ -141,13 +141,20 @@ impl Core {
         on_topic.map(|writer| writer.writer_proxy.remote_writer_guid).collect()
     }
 
+    /// Tells of every publisher, or whole participant, that is gone from now on.
+    pub(crate) fn departures(&self) -> UnboundedReceiver<Departure> {
+        let (sender, receiver) = unbounded_channel();
+        self.departures.lock().unwrap_or_else(PoisonError::into_inner).push(sender);
+        receiver
+    }
+
     /// Tells every subscription that a publisher, or a whole participant, is gone.
     pub(crate) fn note_departure(&self, departure: Departure) {
         let mut departures = self.departures.lock().unwrap_or_else(PoisonError::into_inner);
         departures.retain(|subscription| subscription.send(departure).is_ok());
     }
 
-    fn full_name(&self, name: &str, subject: Subject) -> Result<String, RosError> {
+    pub(crate) fn full_name(&self, name: &str, subject: Subject) -> Result<String, RosError> {
         names::resolve(name, subject, &self.namespace, &self.name, &self.remaps)
     }
 }
@@ -165,7 +172,7 @@ pub(crate) fn dds_name(full: &str) -> Result<Name, RosError> {
 /// A process has one node: the middleware does not match endpoints of one participant with each other where there is no
 /// multicast.
 pub struct Node {
-    core: Arc<Core>,
+    pub(crate) core: Arc<Core>,
     store: Arc<Store>,
     runtime: Option<Runtime>,
     tasks: Mutex<Vec<JoinHandle<()>>>,
@@ -225,7 +232,7 @@ impl Node {
             matches: Matches::default(),
             departures: Mutex::default(),
         });
-        let (changes, mut changed) = tokio::sync::mpsc::unbounded_channel();
+        let (changes, mut changed) = unbounded_channel();
         let store = Arc::new(Store::new(full_name.clone(), &arguments.overrides, move |change| {
             // Nobody listens once the node is shut down.
             let _ = changes.send(change);
@@ -390,8 +397,7 @@ impl Node {
             .ok_or_else(|| self.shut_down(&full))?
             .map_err(|error| create(error.to_string()))?;
         let core = Arc::clone(&self.core);
-        let (sender, mut departures) = tokio::sync::mpsc::unbounded_channel();
-        core.departures.lock().unwrap_or_else(PoisonError::into_inner).push(sender);
+        let mut departures = core.departures();
         self.spawn(async move {
             let mut known = HashMap::new();
             let mut undecoded = Occasionally::default();
@@ -577,14 +583,6 @@ impl Node {
     #[must_use]
     pub fn publisher_count(&self, topic: &str) -> usize {
         self.count(topic, |node, full| node.publisher_count(full))
-    }
-
-    /// How many publishers of other participants are seen on a topic.
-    #[must_use]
-    pub fn publishers_of_others(&self, topic: &str) -> usize {
-        let Ok(full) = self.core.full_name(topic, Subject::Topic) else { return 0 };
-        let Some(own) = self.core.context().map(|context| context.domain_participant().guid().prefix) else { return 0 };
-        self.core.discovered_writers(&format!("rt{full}")).iter().filter(|writer| writer.prefix != own).count()
     }
 
     /// How many subscriptions of other nodes are seen on a topic.

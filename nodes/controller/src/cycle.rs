@@ -249,7 +249,8 @@ impl Cycle {
                 bus.read(stamp, &mut readings);
                 let state = readings.joint_state();
                 let effort_nm = readings.torque_told.then_some(readings.torque_nm);
-                let measured = Measured { state: state.as_ref(), effort_nm, ..Measured::default() };
+                let fault = bus.fault(stamp);
+                let measured = Measured { state: state.as_ref(), effort_nm, fault, ..Measured::default() };
                 let output = self.step(&mut memory, &measured, stamp, monotonic_now(), false);
                 bus.write(&output.command, output.drives_on, stamp);
                 self.press.unpark();

@@ -3,6 +3,7 @@
 //! [`listen`] and [`Speaker`].
 
 use crate::inputs::{InputProblems, StateWatch, Topic};
+use crate::others::{COMMANDS, OtherSpeakers};
 use crate::ports;
 use crate::press::OFFERED;
 use control::{FaultReport, JOINTS, JointCommand};
@@ -14,8 +15,6 @@ use std::sync::Arc;
 use std::thread::Thread;
 use std::time::Duration;
 
-/// The topic of the commands.
-pub const COMMANDS: &str = "joint_command";
 /// Messages that wait, each way.
 pub const DEPTH: usize = 256;
 /// A command for a state that was answered before is sent again only so often: its receiver has it, unless it was lost.
@@ -74,6 +73,7 @@ pub struct DdsBus {
     now: Duration,
     last: Option<CommandMessage>,
     health: LinkHealth,
+    others: OtherSpeakers,
 }
 
 impl DdsBus {
@@ -100,7 +100,15 @@ impl DdsBus {
             now: Duration::ZERO,
             last: None,
             health: LinkHealth::default(),
+            others: OtherSpeakers::default(),
         }
+    }
+
+    /// Others' publishers of commands are a fault.
+    #[must_use]
+    pub fn beside(mut self, others: OtherSpeakers) -> Self {
+        self.others = others;
+        self
     }
 
     /// Takes one message, for lockstep: its stamp.
@@ -212,7 +220,7 @@ impl JointBus for DdsBus {
 
     /// A silent topic is seen by the joints' own staleness.
     fn fault(&self, _: Duration) -> Option<FaultReport> {
-        None
+        self.others.fault()
     }
 
     fn health(&self) -> BusHealth {

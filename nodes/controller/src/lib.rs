@@ -21,6 +21,7 @@ pub mod dds_bus;
 pub mod desk;
 pub mod emergency_stop;
 pub mod inputs;
+pub mod others;
 pub mod ports;
 pub mod press;
 pub mod record_root;

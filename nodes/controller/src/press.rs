@@ -237,11 +237,12 @@ impl Press {
                 values.push(value(
                     &format!("interface_{n}"),
                     format!(
-                        "sent {}, received {}, queue full {}, foreign {}, bus errors {}, breaks {}, reopened {}{}",
+                        "sent {}, received {}, queue full {}, foreign {}, commands of others {}, bus errors {}, breaks {}, reopened {}{}",
                         link.sent,
                         link.received,
                         link.full,
                         link.foreign,
+                        link.commands_of_others,
                         link.bus_errors,
                         link.breaks,
                         link.reopened,

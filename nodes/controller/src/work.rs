@@ -4,10 +4,11 @@
 
 use crate::config::{Pace, Parameters};
 use crate::cycle::{Cycle, Middleware};
-use crate::dds_bus::{COMMANDS, CycleClock, DEPTH, DdsBus, Speaker};
+use crate::dds_bus::{CycleClock, DEPTH, DdsBus, Speaker};
 use crate::desk::{Desk, Sensors};
 use crate::emergency_stop::EmergencyStop;
 use crate::inputs::InputProblems;
+use crate::others::OtherSpeakers;
 use crate::press::{self, Press, PressRoom};
 use crate::tape::{self, Recording, Subject};
 use anyhow::Context as _;
@@ -23,30 +24,12 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::mpsc::sync_channel;
 use std::thread::JoinHandle;
-use std::time::{Duration, Instant, SystemTime, UNIX_EPOCH};
+use std::time::{Duration, SystemTime, UNIX_EPOCH};
 
 /// How long deactivating waits for a walk to come to rest: a step, the motion running out, and room.
 const STOPPING_PATIENCE: Duration = Duration::from_secs(3);
 /// How long it then waits to see the robot damped. In lockstep time may stand still.
 const DAMPING_PATIENCE: Duration = Duration::from_millis(300);
-
-/// How long other nodes get to be discovered before this one's commands have a topic.
-const LISTENING: Duration = Duration::from_millis(1000);
-/// Refuses where another program commands the same robot. It must be asked before this one's publisher exists: two that
-/// see each other's are a fault in both.
-fn listen_for_another(node: &Node) -> anyhow::Result<()> {
-    let deadline = Instant::now() + LISTENING;
-    while node.publishers_of_others(COMMANDS) == 0 {
-        if Instant::now() >= deadline {
-            return Ok(());
-        }
-        std::thread::sleep(LISTENING / 20);
-    }
-    anyhow::bail!(
-        "another program publishes {COMMANDS}: a robot has one controller. Stop the other one (one that was killed is known for \
-         50 s), or give this one another namespace (--ros-args -r __ns:=/NAME)"
-    )
-}
 
 /// SCHED_FIFO priority of the threads through which the stop is heard, where the control thread has one.
 const MIDDLEWARE_PRIORITY: u8 = 10;
@@ -93,6 +76,7 @@ struct Running {
     node: Node,
     desk: Arc<Desk>,
     emergency_stop: Arc<EmergencyStop>,
+    others: OtherSpeakers,
     recording: Arc<Recording>,
     stop: Arc<AtomicBool>,
     cycle_ended: Arc<AtomicBool>,
@@ -148,10 +132,6 @@ impl Work {
         // is to send an old one again.
         let fast = if lockstep { press::OFFERED } else { Qos::best_effort(1) };
 
-        if !on_bus {
-            listen_for_another(&self.node)?;
-        }
-
         let (states_in, states) = RingBuffer::new(DEPTH);
         let (commands_in, commands) = RingBuffer::new(DEPTH);
         let (tilts_in, tilts) = RingBuffer::new(64);
@@ -161,6 +141,7 @@ impl Work {
         let emergency_stop = Arc::new(EmergencyStop::new(parameters.heartbeat));
         emergency_stop.set_active(active);
         let node = self.node.part();
+        let others = if on_bus { OtherSpeakers::default() } else { OtherSpeakers::listen_first(&node)? };
         let stop = Arc::new(AtomicBool::new(false));
         let cycle_ended = Arc::new(AtomicBool::new(false));
 
@@ -221,7 +202,8 @@ impl Work {
         // In lockstep the cycle follows the stamps and nothing else.
         let clock = if lockstep { CycleClock::JointStates } else { parameters.clock };
         let patience = 2 * Duration::from_secs_f64(config.state_timeout_s);
-        let topics = DdsBus::new(states, commands_in, Some(press.thread().clone()), clock, patience);
+        let topics =
+            DdsBus::new(states, commands_in, Some(press.thread().clone()), clock, patience).beside(others.clone());
         let control = std::thread::Builder::new().name("control".into()).spawn(move || {
             // The receiver waits for it; the channel has room.
             let warn = move |list: Vec<Warning>| warnings_in.send(list).unwrap_or_default();
@@ -250,7 +232,8 @@ impl Work {
         let wake = lockstep.then(|| control.thread().clone());
         // On a bus the cycle reads the drives itself and joint_states is what it publishes.
         let states = (!on_bus).then_some(states_in);
-        let running = Running { node, desk, emergency_stop, recording, stop, cycle_ended, control, press, writer };
+        let running =
+            Running { node, desk, emergency_stop, others, recording, stop, cycle_ended, control, press, writer };
         if let Err(error) =
             running.desk.open(&running.node, Sensors { states, joint_names, tilts: tilts_in, wake }, fast)
         {
@@ -277,6 +260,7 @@ impl Managed for Work {
 
     fn activate(&mut self) -> Result<(), String> {
         if let Some(running) = &self.running {
+            running.others.refuse_any().map_err(|error| format!("{error:#}"))?;
             running.emergency_stop.set_active(true);
         }
         Ok(())

@@ -8,6 +8,7 @@ use std::sync::Arc;
 use std::sync::mpsc::{Receiver, channel};
 use std::time::{Duration, Instant};
 use tandem_controller::dds_bus::{CommandMessage, CycleClock, DEPTH, DdsBus, Speaker, StateMessage, listen};
+use tandem_controller::others::OtherSpeakers;
 use tandem_msgs::builtin_interfaces::Time;
 use tandem_msgs::sensor_msgs::JointState;
 
@@ -211,4 +212,21 @@ fn commands_answer_the_newest_state_and_a_stalled_speaker_is_counted() {
     let sent = commands.pop().unwrap();
     assert_eq!((sent.stamp, sent.command), (5 * MS, JointCommand::LIMP), "off is limp");
     assert_eq!((bus.health().links[0].sent, bus.health().links[0].full), (DEPTH as u64, 3));
+}
+
+#[test]
+fn another_publisher_of_commands_is_a_fault_in_the_cycle_that_follows_and_can_be_cleared_when_it_left() {
+    let (bus, mut states, _commands) = bus(CycleClock::Monotonic);
+    let others = OtherSpeakers::default();
+    let mut bus = bus.beside(others.clone());
+    states.push(message(5 * MS, 5 * MS)).unwrap();
+    assert_eq!(bus.now(6 * MS), 6 * MS);
+    assert_eq!(bus.fault(6 * MS), None);
+    others.set(1);
+    let report = bus.fault(7 * MS).expect("a fault");
+    assert_eq!((report.fault, report.joint, report.value), (control::Fault::SecondController, None, 1.0));
+    let names = std::array::from_fn(|j| format!("joint_{j}"));
+    assert!(report.message(&names).contains("1.0000 other publishers of joint_command"), "{}", report.message(&names));
+    others.set(0);
+    assert_eq!(bus.fault(8 * MS), None);
 }
