@@ -46,7 +46,7 @@ if sys.argv[1] == "stop":
         pressed.publish(Bool(data=True))
         time.sleep(0.05)
     after = next((when for when, m in states if when > began and m.mode != before.mode), None)
-    report(before=before.mode, after=states[-1][1].mode, seconds=None if after is None else after - began, missed=before.missed_cycles)
+    report(before=before.mode, fault=before.fault, after=states[-1][1].mode, seconds=None if after is None else after - began, missed=before.missed_cycles)
 if sys.argv[1] == "services":
     answered = {}
     for type_, name, request in ((GenerateGait, "/generate_gait", GenerateGait.Request(behaviour="moonwalk")),
@@ -128,6 +128,8 @@ def test_a_walking_robot_does_not_notice_a_flood(robot):
     assert sent["packets"] >= 0.9 * RATE * SECONDS, "the generator kept its pace"
     assert panics == 0 and all(now >= then for now, then in zip(map(threads, pids), tasks, strict=True)), "no thread is lost"
     assert grown < GROWTH_MB
-    assert stop["before"] == "walking" and stop["after"] == "damping" and stop["seconds"] < 1, "it walked, and the stop was heard"
+    told = [line for line in robot.nodes[1].text().splitlines() if "WARN" in line or "ERROR" in line]
+    assert stop["before"] == "walking", f"{stop}\n" + "\n".join(told[-20:])
+    assert stop["after"] == "damping" and stop["seconds"] < 1, "it walked, and the stop was heard"
     assert all(seconds < 1 for seconds in services.values()), services
     assert extra <= TOLERANCE * cycles, f"{extra:.0f} cycles missed more than in calm, of {cycles:.0f}"

@@ -124,7 +124,9 @@ impl Bridge {
     /// # Errors
     /// What the middleware or the simulator refuse.
     pub fn new(node: &Node, config: Config, robot: &Robot, bench: Option<DriveBench>) -> Result<Self, BridgeError> {
-        let simulator = Simulator::new(robot, config.simulator.clone())?;
+        let mut simulator = Simulator::new(robot, config.simulator.clone())?;
+        // Before anybody can ask for anything: it takes its time.
+        put_down(&mut simulator, &config);
         for note in robot.notes.iter().chain(simulator.notes()) {
             tracing::info!("robot '{}': {note}", robot.name);
         }
@@ -194,7 +196,7 @@ impl Bridge {
             })?;
         }
 
-        let mut bridge = Self {
+        Ok(Self {
             active: false,
             paused: config.start_paused,
             config,
@@ -211,9 +213,7 @@ impl Bridge {
             counts: Counts::default(),
             report: None,
             standing_time_told: None,
-        };
-        bridge.put_down();
-        Ok(bridge)
+        })
     }
 
     /// Whether it publishes and steps from the beginning.
@@ -235,11 +235,6 @@ impl Bridge {
             Pace::Realtime => self.run_realtime(),
             Pace::Lockstep => self.run_lockstep(),
         }
-    }
-
-    fn put_down(&mut self) {
-        let posture = if self.config.initial_posture.get() == "stand" { Posture::Stand } else { Posture::Sit };
-        self.simulator.reset_to_posture(posture);
     }
 
     fn stamp_ns(&self) -> i64 {
@@ -319,7 +314,7 @@ impl Bridge {
                     Ok(if paused { "paused" } else { "running" }.to_owned())
                 }
                 Ask::Reset => {
-                    self.put_down();
+                    put_down(&mut self.simulator, &self.config);
                     served.reset = true;
                     Ok(format!("the robot is put down: {}", self.config.initial_posture.get()))
                 }
@@ -535,6 +530,11 @@ impl Bridge {
             self.note_failure(&error);
         }
     }
+}
+
+fn put_down(simulator: &mut Simulator, config: &Config) {
+    let posture = if config.initial_posture.get() == "stand" { Posture::Stand } else { Posture::Sit };
+    simulator.reset_to_posture(posture);
 }
 
 /// What [`Bridge::serve_requests`] did.
