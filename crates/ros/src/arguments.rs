@@ -5,6 +5,7 @@ use std::path::{Path, PathBuf};
 use crate::RosError;
 use crate::names::{Remap, RemapKind, check_node_name, expand, full_namespace};
 use crate::parameters::{ParameterValue, overrides_from_yaml};
+use crate::security::Security;
 
 /// How far a node looks for others (`ROS_AUTOMATIC_DISCOVERY_RANGE`).
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -34,6 +35,7 @@ pub struct Arguments {
     pub(crate) rosout: bool,
     pub(crate) domain_id: u16,
     pub(crate) range: DiscoveryRange,
+    pub(crate) security: Security,
     /// A panic in any thread ends the process.
     pub(crate) supervised: bool,
 }
@@ -49,6 +51,7 @@ impl Default for Arguments {
             rosout: true,
             domain_id: 0,
             range: DiscoveryRange::Localhost,
+            security: Security::Off,
             supervised: false,
         }
     }
@@ -61,11 +64,19 @@ impl Arguments {
     /// # Errors
     /// Names the first argument, file or variable that is not understood.
     pub fn from_process() -> Result<(Self, Vec<String>), RosError> {
+        let (arguments, rest) = Self::from_line(std::env::args())?;
+        Ok((arguments.supervised(), rest))
+    }
+
+    /// As [`Arguments::from_process`] from given arguments (the program's name first): for programs that are more than
+    /// a node.
+    ///
+    /// # Errors
+    /// Names the first argument, file or variable that is not understood.
+    pub fn from_line(line: impl IntoIterator<Item = String>) -> Result<(Self, Vec<String>), RosError> {
         // What is not Unicode is not taken for unset: each reader refuses the replaced characters by the variable's
         // name.
-        let variable = |name: &str| Some(std::env::var_os(name)?.to_string_lossy().into_owned());
-        let (arguments, rest) = Self::parse(std::env::args(), variable)?;
-        Ok((arguments.supervised(), rest))
+        Self::parse(line, |name| Some(std::env::var_os(name)?.to_string_lossy().into_owned()))
     }
 
     /// For a program that is a node and nothing else, as [`Arguments::from_process`] makes it: a panic in any thread of
@@ -84,7 +95,7 @@ impl Arguments {
         arguments: impl IntoIterator<Item = String>,
         environment: impl Fn(&str) -> Option<String>,
     ) -> Result<(Self, Vec<String>), RosError> {
-        refuse_security(&environment)?;
+        let mut enclave = None;
         let mut parsed = Arguments {
             domain_id: domain_id(&environment)?,
             range: discovery_range(&environment)?,
@@ -131,9 +142,8 @@ impl Arguments {
                     }
                 }
                 "-e" | "--enclave" => {
-                    // Accepted, as every ROS 2 launch file may give it. It names what security would use and does not
-                    // ask for it: `refuse_security` answers those who ask.
-                    value()?;
+                    // It names what security would use and does not ask for it: every ROS 2 launch file may give it.
+                    enclave = Some(value()?);
                 }
                 "--enable-rosout-logs" => parsed.rosout = true,
                 "--disable-rosout-logs" => parsed.rosout = false,
@@ -149,6 +159,7 @@ impl Arguments {
                 }
             }
         }
+        parsed.security = Security::find(&environment, enclave.as_deref())?;
         Ok((parsed, rest))
     }
 
@@ -197,29 +208,6 @@ fn domain_id(environment: &impl Fn(&str) -> Option<String>) -> Result<u16, RosEr
                 reason: "expected a number from 0 to 232 (0 to 101 is safe on Linux)".to_string(),
             }),
         },
-    }
-}
-
-/// Whoever asks for DDS Security must not get a robot that anybody may command: these programs have none and say so.
-/// Only an explicit `ROS_SECURITY_ENABLE=false` switches a demand for enforcement off.
-fn refuse_security(environment: &impl Fn(&str) -> Option<String>) -> Result<(), RosError> {
-    let value_of = |name| environment(name).filter(|value| !value.is_empty());
-    let refused =
-        |name, value: String, reason: &str| Err(RosError::Environment { name, value, reason: reason.to_string() });
-    const BUILT_WITHOUT: &str = "this program is built without DDS Security and would run unprotected; \
-                                 to run it so, set ROS_SECURITY_ENABLE=false";
-    let enable = value_of("ROS_SECURITY_ENABLE");
-    match enable.as_deref() {
-        Some("true") => return refused("ROS_SECURITY_ENABLE", "true".to_string(), BUILT_WITHOUT),
-        None | Some("false") => {}
-        Some(other) => return refused("ROS_SECURITY_ENABLE", other.to_string(), "expected true or false"),
-    }
-    match value_of("ROS_SECURITY_STRATEGY") {
-        Some(value) if value == "Enforce" && enable.is_none() => refused("ROS_SECURITY_STRATEGY", value, BUILT_WITHOUT),
-        Some(value) if value != "Enforce" && value != "Permissive" => {
-            refused("ROS_SECURITY_STRATEGY", value, "expected Enforce or Permissive")
-        }
-        _ => Ok(()),
     }
 }
 
@@ -394,32 +382,8 @@ mod tests {
     }
 
     #[test]
-    fn who_asks_for_security_is_refused_and_never_run_unprotected() {
-        let with = |variables: &'static [(&'static str, &'static str)]| {
-            Arguments::parse(["p".to_string()], move |asked| {
-                variables.iter().find(|(name, _)| *name == asked).map(|(_, value)| value.to_string())
-            })
-        };
-        for strategy in ["", "Enforce", "Permissive"] {
-            let asked = Arguments::parse(["p".to_string()], |name| match name {
-                "ROS_SECURITY_ENABLE" => Some("true".to_string()),
-                "ROS_SECURITY_STRATEGY" => Some(strategy.to_string()),
-                _ => None,
-            });
-            let said = message(asked);
-            assert!(said.contains("ROS_SECURITY_ENABLE=true") && said.contains("built without DDS Security"), "{said}");
-        }
-        assert!(message(with(&[("ROS_SECURITY_STRATEGY", "Enforce")])).contains("built without DDS Security"));
-        // A misprint is no "false".
-        for value in ["1", "True", "yes", "\u{fffd}"] {
-            let asked =
-                Arguments::parse(["p".to_string()], |name| (name == "ROS_SECURITY_ENABLE").then(|| value.to_string()));
-            assert!(message(asked).contains("expected true or false"), "{value}");
-        }
-        assert!(message(with(&[("ROS_SECURITY_STRATEGY", "enforce")])).contains("Enforce or Permissive"));
-        // Whoever says that there shall be none, or says nothing, is served.
-        assert!(with(&[("ROS_SECURITY_ENABLE", "false"), ("ROS_SECURITY_STRATEGY", "Enforce")]).is_ok());
-        assert!(with(&[("ROS_SECURITY_ENABLE", ""), ("ROS_SECURITY_STRATEGY", "Permissive")]).is_ok());
-        assert!(parse("p --ros-args -e /robot").is_ok());
+    fn an_enclave_alone_asks_for_nothing() {
+        let (arguments, _) = parse("p --ros-args -e /robot --enclave /robot").unwrap();
+        assert_eq!(arguments.security, Security::Off);
     }
 }

@@ -39,6 +39,14 @@ pub enum RosError {
         /// What was expected.
         reason: String,
     },
+    /// DDS Security is asked for and cannot be had.
+    #[error("DDS Security, enclave {enclave}: {reason}")]
+    Security {
+        /// The enclave's name.
+        enclave: String,
+        /// What is missing.
+        reason: String,
+    },
     /// The middleware did not create something.
     #[error("cannot create {what}: {reason}")]
     Create {

@@ -59,6 +59,7 @@ mod others;
 mod parameters;
 mod publisher;
 mod qos;
+mod security;
 mod service;
 mod time;
 mod watchdog;

@@ -212,7 +212,7 @@ impl Node {
         if arguments.range == DiscoveryRange::Localhost {
             builder = builder.with_only_networks([Ipv4Addr::LOCALHOST]);
         }
-        let participant = builder.build().map_err(|error| create(error.to_string()))?;
+        let participant = arguments.security.protect(builder)?.build().map_err(|error| create(error.to_string()))?;
         stop.health.set_loops(participant.loop_watches());
         std::thread::sleep(INTRODUCTION);
         let context = Context::from_domain_participant(participant).map_err(|error| create(error.to_string()))?;

@@ -73,7 +73,7 @@ pub fn run(arguments: &Arguments) -> Result<ExitCode> {
     let robot = arguments.robot.load()?;
     let mut shapes = Shapes::new(robot)?;
     let line = std::iter::once("tandem".to_owned()).chain(arguments.ros.iter().cloned());
-    let (ros_arguments, _) = ros::Arguments::parse(line, |name| std::env::var(name).ok())?;
+    let (ros_arguments, _) = ros::Arguments::from_line(line)?;
     let node = Node::start("show", &ros_arguments)?;
     let heard = Arc::new(Mutex::new(Heard::default()));
     listen(&node, &heard, &shapes.robot)?;

@@ -56,7 +56,7 @@ pub fn run(arguments: &Arguments) -> Result<ExitCode> {
     let joystick = arguments.joystick.as_deref().map(|path| (path, arguments.button, arguments.release_button));
     let input = Input::open(joystick)?;
     let line = std::iter::once("tandem".to_owned()).chain(arguments.ros.iter().cloned());
-    let (ros_arguments, _) = ros::Arguments::parse(line, |name| std::env::var(name).ok())?;
+    let (ros_arguments, _) = ros::Arguments::from_line(line)?;
     let node = Node::start("stop_button", &ros_arguments.supervised())?;
     let publisher = node.publisher::<Bool>("emergency_stop", Qos::reliable(100))?;
     say(input.help());

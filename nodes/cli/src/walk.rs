@@ -72,9 +72,7 @@ pub fn run(arguments: &Arguments) -> Result<ExitCode> {
     std::fs::create_dir_all(&arguments.out)
         .with_context(|| format!("cannot make the folder {}", arguments.out.display()))?;
     let remap = format!("__ns:={}", arguments.namespace);
-    let (ros_arguments, _) = ros::Arguments::parse(["tandem", "--ros-args", "-r", &remap].map(String::from), |name| {
-        std::env::var(name).ok()
-    })?;
+    let (ros_arguments, _) = ros::Arguments::from_line(["tandem", "--ros-args", "-r", &remap].map(String::from))?;
     let node = Node::start("tandem_walk", &ros_arguments)?;
     let session = Session::new(&node, &robot)?;
     let mut done = Vec::new();

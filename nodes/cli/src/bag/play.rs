@@ -93,7 +93,7 @@ pub fn run(arguments: &Arguments) -> Result<ExitCode> {
         bail!("'{first}' is not known; expected options as in --help, or --ros-args");
     }
     let line = std::iter::once("tandem".to_owned()).chain(arguments.ros.iter().cloned());
-    let (ros_arguments, _) = ros::Arguments::parse(line, |name| std::env::var(name).ok())?;
+    let (ros_arguments, _) = ros::Arguments::from_line(line)?;
     let node = Node::start("bag_player", &ros_arguments)?;
     let mut publishers = Vec::new();
     for topic in bag.topics() {
