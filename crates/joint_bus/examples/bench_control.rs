@@ -69,7 +69,14 @@ fn step_times() -> Histogram {
 fn codec_ns() -> f64 {
     const ROUNDS: u32 = 2_000_000;
     let (mit, ranges) = (Mit::default(), common::bus_config("mit", 1.0).joints[0].ranges);
-    let command = DriveCommand { position_rad: 0.3, velocity_rad_s: -2.0, kp: 230.0, kd: 5.0, torque_nm: 12.0 };
+    let command = DriveCommand {
+        position_rad: 0.3,
+        velocity_rad_s: -2.0,
+        kp: 230.0,
+        kd: 5.0,
+        torque_nm: 12.0,
+        ..DriveCommand::default()
+    };
     let reply = mit.encode_reply(1, &ranges, &DriveReply { position_rad: 0.3, ..DriveReply::default() });
     let before = monotonic_now();
     for _ in 0..ROUNDS {

@@ -1,12 +1,16 @@
 //! Which joint hangs on which drive: read from a file's text, checked.
 
-use crate::Ranges;
+use crate::{DriveLimits, Ranges};
 use control::JOINTS;
 use serde::Deserialize;
 
 /// `format` of every bus file.
 const FORMAT: &str = "tandem-bus";
 const VERSION: u64 = 1;
+/// Where the file names no other: as long as the drives' own.
+const WATCHDOG_S: f64 = 0.02;
+/// A watchdog has to outlast cycles that come late: so many periods.
+const WATCHDOG_PERIODS: f64 = 3.0;
 
 /// What the drives speak.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize)]
@@ -35,6 +39,8 @@ pub struct JointWiring {
     pub zero_rad: f64,
     /// Ranges of the drive's numbers, motor side.
     pub ranges: Ranges,
+    /// What goes with every command, motor side.
+    pub limits: DriveLimits,
 }
 
 /// All joints.
@@ -78,7 +84,16 @@ struct File {
     host_id: u32,
     interfaces: Vec<String>,
     ranges: FileRanges,
+    limits: Option<FileLimits>,
     joints: Vec<FileJoint>,
+}
+
+/// Only with registers: MIT frames have no room for limits.
+#[derive(Clone, Copy, Default, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct FileLimits {
+    max_torque_nm: Option<f64>,
+    watchdog_s: Option<f64>,
 }
 
 #[derive(Clone, Copy, Deserialize)]
@@ -89,6 +104,41 @@ struct FileRanges {
     kp_nm_per_rad: f64,
     kd_nm_s_per_rad: f64,
     torque_nm: f64,
+}
+
+impl From<FileRanges> for Ranges {
+    fn from(r: FileRanges) -> Self {
+        Self {
+            position_rad: r.position_rad,
+            velocity_rad_s: r.velocity_rad_s,
+            kp: r.kp_nm_per_rad,
+            kd: r.kd_nm_s_per_rad,
+            torque_nm: r.torque_nm,
+        }
+    }
+}
+
+impl File {
+    /// What goes with every command to a drive whose torques have this range.
+    fn limits(&self, range_nm: f64) -> Result<DriveLimits, BusConfigError> {
+        let refuse = |key: &str, problem: String| Err(BusConfigError::Value { key: key.into(), problem });
+        if self.protocol == ProtocolName::Mit {
+            return match self.limits {
+                Some(_) => refuse("limits", "are given, mit frames have no room for them: set the drives up".into()),
+                None => Ok(DriveLimits::default()),
+            };
+        }
+        let limits = self.limits.unwrap_or_default();
+        let (max_torque_nm, watchdog_s) =
+            (limits.max_torque_nm.unwrap_or(range_nm), limits.watchdog_s.unwrap_or(WATCHDOG_S));
+        if !(max_torque_nm > 0.0 && max_torque_nm <= 1e5) {
+            return refuse("limits.max_torque_nm", format!("is {max_torque_nm}, expected more than 0, at most 1e5"));
+        }
+        if !(0.001..=1.0).contains(&watchdog_s) {
+            return refuse("limits.watchdog_s", format!("is {watchdog_s}, expected 0.001 to 1"));
+        }
+        Ok(DriveLimits { max_torque_nm: Some(max_torque_nm), watchdog_s: Some(watchdog_s) })
+    }
 }
 
 #[derive(Deserialize)]
@@ -181,13 +231,8 @@ impl BusConfig {
                 sign: joint.sign,
                 gear_ratio: joint.gear_ratio,
                 zero_rad: joint.zero_rad,
-                ranges: Ranges {
-                    position_rad: r.position_rad,
-                    velocity_rad_s: r.velocity_rad_s,
-                    kp: r.kp_nm_per_rad,
-                    kd: r.kd_nm_s_per_rad,
-                    torque_nm: r.torque_nm,
-                },
+                ranges: r.into(),
+                limits: file.limits(r.torque_nm)?,
             });
         }
         let joints = wiring
@@ -203,7 +248,8 @@ impl BusConfig {
     }
 
     /// Checks that the drives' numbers can carry what the controller may send: position and velocity limits, gains and
-    /// torques within every drive's ranges. A number beyond a range would be cut without anyone knowing.
+    /// torques within every drive's ranges, and that its watchdog outlasts a late cycle. A number beyond a range would
+    /// be cut without anyone knowing.
     pub fn check_ranges(&self, config: &control::Config) -> Result<(), BusConfigError> {
         for (j, joint) in self.joints.iter().enumerate() {
             let gear = joint.gear_ratio;
@@ -225,6 +271,13 @@ impl BusConfig {
                         ),
                     });
                 }
+            }
+            let shortest_s = WATCHDOG_PERIODS * config.control_period_s;
+            if let Some(watchdog_s) = joint.limits.watchdog_s.filter(|watchdog_s| *watchdog_s < shortest_s) {
+                return Err(BusConfigError::Value {
+                    key: format!("limits.watchdog_s of {}", joint.name),
+                    problem: format!("is {watchdog_s}, expected at least {shortest_s}: three control periods"),
+                });
             }
         }
         Ok(())

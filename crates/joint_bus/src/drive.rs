@@ -15,6 +15,18 @@ pub struct DriveCommand {
     pub kd: f64,
     /// N m.
     pub torque_nm: f64,
+    /// What the drive is to keep to by itself while it follows this.
+    pub limits: DriveLimits,
+}
+
+/// Limits that travel with every command, where the protocol has room for them ([`crate::Registers`]): a drive that was
+/// set up otherwise, or was exchanged, keeps to them all the same. None: as the drive is set up.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct DriveLimits {
+    /// Whatever the law asks for, N m.
+    pub max_torque_nm: Option<f64>,
+    /// Without a further command for so long the drive damps, s.
+    pub watchdog_s: Option<f64>,
 }
 
 /// What a drive says of itself.
@@ -79,6 +91,8 @@ impl DriveCommand {
             ("kp", self.kp),
             ("kd", self.kd),
             ("torque", self.torque_nm),
+            ("max_torque", self.limits.max_torque_nm.unwrap_or(0.0)),
+            ("watchdog", self.limits.watchdog_s.unwrap_or(0.0)),
         ] {
             if !value.is_finite() {
                 return Err(EncodeError { field, value });

@@ -273,14 +273,14 @@ impl<P: Protocol, L: Link> DriveBus<P, L> {
         if !self.entered[j] || again {
             return DriveRequest::Enter;
         }
-        let w = &self.config.joints[j];
-        let gear = w.gear_ratio;
+        let (w, gear) = (&self.config.joints[j], self.config.joints[j].gear_ratio);
         DriveRequest::Command(DriveCommand {
             position_rad: w.sign * gear * (command.position_rad[j] - w.zero_rad),
             velocity_rad_s: w.sign * gear * command.velocity_rad_s[j],
             kp: command.kp[j] / (gear * gear),
             kd: command.kd[j] / (gear * gear),
             torque_nm: w.sign * command.torque_nm[j] / gear,
+            limits: w.limits,
         })
     }
 }

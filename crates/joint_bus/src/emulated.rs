@@ -163,7 +163,10 @@ impl EmulatedDrive {
             self.pending.rotate_left(1);
             self.pending[PIPELINE - 1] = None;
         }
-        if self.following && now.saturating_sub(self.heard) > self.model.watchdog {
+        let limits = self.command.limits;
+        // What cannot be a time or a torque is none.
+        let told = limits.watchdog_s.and_then(|seconds| Duration::try_from_secs_f64(seconds).ok());
+        if self.following && now.saturating_sub(self.heard) > told.unwrap_or(self.model.watchdog) {
             self.tripped = true;
         }
         let c = &self.command;
@@ -175,7 +178,9 @@ impl EmulatedDrive {
         } else {
             c.kp * (c.position_rad - q) + c.kd * (c.velocity_rad_s - v) + c.torque_nm
         };
-        self.torque_nm = law.clamp(-self.model.torque_limit_nm, self.model.torque_limit_nm);
+        let told = limits.max_torque_nm.filter(|torque_nm| *torque_nm >= 0.0).unwrap_or(f64::INFINITY);
+        let most = self.model.torque_limit_nm.min(told);
+        self.torque_nm = law.clamp(-most, most);
         let dt_s = self.last.replace(now).map_or(0.0, |last| now.saturating_sub(last).as_secs_f64());
         self.temperature_c += dt_s
             * (self.model.heating_c_per_s_nm2 * self.torque_nm * self.torque_nm
@@ -244,5 +249,22 @@ mod tests {
         let mut d = EmulatedDrive::new(1, RANGES, DriveModel::default());
         assert!((tell(&mut d, DriveRequest::Exit, MS).position_rad - 0.5).abs() < 1e-3);
         assert!(tell(&mut d, DriveRequest::SetZero, MS).position_rad.abs() < 1e-3);
+    }
+
+    #[test]
+    fn limits_that_come_with_a_command_are_kept() {
+        let protocol = crate::Registers::default();
+        let mut d = EmulatedDrive::new(1, RANGES, DriveModel::default());
+        let limits = crate::DriveLimits { max_torque_nm: Some(5.0), watchdog_s: Some(0.003) };
+        for (request, at) in [
+            (DriveRequest::Enter, MS),
+            (DriveRequest::Command(DriveCommand { torque_nm: 30.0, limits, ..DriveCommand::default() }), 2 * MS),
+        ] {
+            let frame = protocol.encode_request(1, &RANGES, &request).unwrap();
+            d.receive(&protocol, &frame, at, 0.0, 0.0).unwrap();
+        }
+        assert_eq!(d.torque(0.0, 0.0, 2 * MS), 5.0, "30 N m were asked for");
+        assert_eq!(d.torque(0.0, 0.1, 5 * MS), 5.0, "3 ms are allowed");
+        assert_eq!(d.torque(0.0, 0.1, 6 * MS), -0.8, "then it damps, long before its own 20 ms");
     }
 }

@@ -20,7 +20,7 @@ mod frame;
 mod mit;
 mod registers;
 
-pub use drive::{DriveCommand, DriveReply, DriveRequest, EncodeError, Protocol, Ranges};
+pub use drive::{DriveCommand, DriveLimits, DriveReply, DriveRequest, EncodeError, Protocol, Ranges};
 pub use emulated::{DriveModel, EmulatedDrive};
 pub use frame::Frame;
 pub use mit::Mit;

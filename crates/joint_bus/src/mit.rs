@@ -5,7 +5,7 @@
 //! or 8 bytes with temperature (signed, °C) and error code. Special commands are seven bytes FF and FC (enter), FD (exit) or
 //! FE (zero): a command whose numbers would spell one is sent one step of torque lower.
 
-use crate::{DriveCommand, DriveReply, DriveRequest, EncodeError, Frame, Protocol, Ranges};
+use crate::{DriveCommand, DriveLimits, DriveReply, DriveRequest, EncodeError, Frame, Protocol, Ranges};
 
 /// The protocol. Drives reply to identifier `host_id`.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -119,6 +119,7 @@ impl Protocol for Mit {
             kp: restore(bits(24, 12), 0.0, r.kp, 12),
             kd: restore(bits(12, 12), 0.0, r.kd, 12),
             torque_nm: restore(bits(0, 12), -r.torque_nm, r.torque_nm, 12),
+            limits: DriveLimits::default(),
         }))
     }
 
@@ -153,7 +154,14 @@ mod tests {
     /// Worked by hand from the layout: half of each range.
     #[test]
     fn known_bytes() {
-        let command = DriveCommand { position_rad: 12.5, velocity_rad_s: -45.0, kp: 250.0, kd: 0.0, torque_nm: 90.0 };
+        let command = DriveCommand {
+            position_rad: 12.5,
+            velocity_rad_s: -45.0,
+            kp: 250.0,
+            kd: 0.0,
+            torque_nm: 90.0,
+            ..DriveCommand::default()
+        };
         let frame = MIT.encode_request(3, &RANGES, &DriveRequest::Command(command)).unwrap();
         assert_eq!(frame.id, 3);
         // position ffff, velocity 000, kp 800 (2047.5 rounded up), kd 000, torque fff
@@ -175,7 +183,14 @@ mod tests {
 
     #[test]
     fn a_command_is_never_taken_for_a_special_one() {
-        let all = DriveCommand { position_rad: 99.0, velocity_rad_s: 99.0, kp: 999.0, kd: 99.0, torque_nm: 999.0 };
+        let all = DriveCommand {
+            position_rad: 99.0,
+            velocity_rad_s: 99.0,
+            kp: 999.0,
+            kd: 99.0,
+            torque_nm: 999.0,
+            ..DriveCommand::default()
+        };
         let frame = MIT.encode_request(1, &RANGES, &DriveRequest::Command(all)).unwrap();
         assert!(matches!(MIT.decode_request(1, &RANGES, &frame), Some(DriveRequest::Command(_))));
     }
@@ -200,7 +215,7 @@ mod tests {
         fn commands_survive_to_half_a_step(
             p in -15.0..15.0f64, v in -50.0..50.0f64, kp in -10.0..600.0f64, kd in -1.0..12.0f64, t in -100.0..100.0f64,
         ) {
-            let sent = DriveCommand { position_rad: p, velocity_rad_s: v, kp, kd, torque_nm: t };
+            let sent = DriveCommand { position_rad: p, velocity_rad_s: v, kp, kd, torque_nm: t, ..DriveCommand::default() };
             let frame = MIT.encode_request(7, &RANGES, &DriveRequest::Command(sent)).unwrap();
             let Some(DriveRequest::Command(got)) = MIT.decode_request(7, &RANGES, &frame) else { panic!() };
             prop_assert!((got.position_rad - p.clamp(-12.5, 12.5)).abs() <= 12.5 / 65535.0 + 1e-12);

@@ -27,6 +27,8 @@ mod register {
     pub const COMMAND_TORQUE: u32 = 0x022;
     pub const COMMAND_KP_SCALE: u32 = 0x023;
     pub const COMMAND_KD_SCALE: u32 = 0x024;
+    pub const COMMAND_MAX_TORQUE: u32 = 0x025;
+    pub const COMMAND_WATCHDOG: u32 = 0x027;
     pub const SET_OUTPUT_EXACT: u32 = 0x131;
 }
 
@@ -158,12 +160,21 @@ impl Protocol for Registers {
             DriveRequest::Command(c) => {
                 c.check()?;
                 w.bytes(&write_mode).bytes(&[mode::POSITION]);
-                w.bytes(&[subframe::WRITE | subframe::FLOAT, 5, register::COMMAND_POSITION as u8])
+                let count = 5 + u8::from(c.limits.max_torque_nm.is_some());
+                w.bytes(&[subframe::WRITE | subframe::FLOAT, count, register::COMMAND_POSITION as u8])
                     .float(c.position_rad.clamp(-r.position_rad, r.position_rad) / TAU)
                     .float(c.velocity_rad_s.clamp(-r.velocity_rad_s, r.velocity_rad_s) / TAU)
                     .float(c.torque_nm.clamp(-r.torque_nm, r.torque_nm))
                     .float((c.kp / r.kp).clamp(0.0, 1.0))
                     .float((c.kd / r.kd).clamp(0.0, 1.0));
+                // With both limits 40 of a frame's 64 bytes: it goes out as one of 48.
+                if let Some(max_torque_nm) = c.limits.max_torque_nm {
+                    w.float(max_torque_nm);
+                }
+                if let Some(watchdog_s) = c.limits.watchdog_s {
+                    let one_float = subframe::WRITE | subframe::FLOAT | 1;
+                    w.bytes(&[one_float, register::COMMAND_WATCHDOG as u8]).float(watchdog_s);
+                }
             }
         }
         w.bytes(&QUERY);
@@ -211,6 +222,8 @@ impl Protocol for Registers {
             register::COMMAND_TORQUE => c.torque_nm = value,
             register::COMMAND_KP_SCALE => c.kp = value * r.kp,
             register::COMMAND_KD_SCALE => c.kd = value * r.kd,
+            register::COMMAND_MAX_TORQUE => c.limits.max_torque_nm = Some(value),
+            register::COMMAND_WATCHDOG => c.limits.watchdog_s = Some(value),
             register::SET_OUTPUT_EXACT => zero = true,
             _ => {}
         });
@@ -239,6 +252,7 @@ impl Protocol for Registers {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::DriveLimits;
     use proptest::prelude::*;
 
     const RANGES: Ranges = Ranges { position_rad: 12.5, velocity_rad_s: 45.0, kp: 500.0, kd: 10.0, torque_nm: 90.0 };
@@ -279,12 +293,18 @@ mod tests {
         #[test]
         fn commands_survive_to_single_precision(
             p in -12.0..12.0f64, v in -40.0..40.0f64, kp in 0.0..500.0f64, kd in 0.0..10.0f64, t in -90.0..90.0f64,
+            max in prop::option::of(0.1..90.0f64), watchdog in prop::option::of(0.001..1.0f64),
         ) {
-            let sent = DriveCommand { position_rad: p, velocity_rad_s: v, kp, kd, torque_nm: t };
+            let limits = DriveLimits { max_torque_nm: max, watchdog_s: watchdog };
+            let sent = DriveCommand { position_rad: p, velocity_rad_s: v, kp, kd, torque_nm: t, limits };
             let frame = P.encode_request(7, &RANGES, &DriveRequest::Command(sent)).unwrap();
             let Some(DriveRequest::Command(got)) = P.decode_request(7, &RANGES, &frame) else { panic!() };
             for (a, b) in [(got.position_rad, p), (got.velocity_rad_s, v), (got.kp, kp), (got.kd, kd), (got.torque_nm, t)] {
                 prop_assert!((a - b).abs() < 1e-4, "{} for {}", a, b);
+            }
+            for (a, b) in [(got.limits.max_torque_nm, max), (got.limits.watchdog_s, watchdog)] {
+                prop_assert_eq!(a.is_some(), b.is_some());
+                prop_assert!((a.unwrap_or(0.0) - b.unwrap_or(0.0)).abs() < 1e-4, "{:?} for {:?}", a, b);
             }
             let reply = DriveReply {
                 position_rad: p, velocity_rad_s: v, torque_nm: t, temperature_c: Some(35.0), error: Some(33),
