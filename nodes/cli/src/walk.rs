@@ -383,7 +383,7 @@ fn summary(robot: &Robot, done: &[Walked]) -> String {
         );
         text += "  mean |torque|, Nm             hip roll  hip pitch    knee\n";
         text += &row3("here", f.mean_abs_torque_nm.into());
-        if let Some(paper) = report::table_two(&gait.name) {
+        if let Some(paper) = report::table_two(&gait.robot, &gait.name) {
             text += &row3("the paper's MuJoCo", paper.mujoco_nm);
             text += &row3("the paper's experiment", paper.experiment_nm);
         }
