@@ -14,6 +14,9 @@ const MOTION_SHARE: f64 = 0.15;
 /// legs alike.
 const ALIKE_SHARE: f64 = 0.005;
 
+/// How far a rear leg's standing angles may be from its front leg's: beyond it the knee bends to the other side, rad.
+const SAME_SIDE_RAD: f64 = 1.0;
+
 /// See [`Robot::rear_offset_rad`].
 pub(crate) fn offset_rad(robot: &Robot) -> Result<[f64; 6], RobotError> {
     let mut offset = [0.0; 6];
@@ -37,10 +40,9 @@ fn leg_offset(robot: &Robot, rear: usize, front: usize) -> [f64; 3] {
     let stand = robot.legs[front].stand_rad;
     let as_front = image(robot, &stand);
     let higher_m = robot.toe_from_hip(rear, &as_front).z - robot.toe_from_hip(front, &stand).z;
-    if higher_m.abs() <= ALIKE_SHARE * robot.nominal.height_m {
-        return [0.0; 3];
-    }
-    std::array::from_fn(|k| robot.legs[rear].stand_rad[k] - as_front[k])
+    let offset: [f64; 3] = std::array::from_fn(|k| robot.legs[rear].stand_rad[k] - as_front[k]);
+    let same_side = offset.iter().all(|angle| angle.abs() <= SAME_SIDE_RAD);
+    if same_side && higher_m.abs() <= ALIKE_SHARE * robot.nominal.height_m { [0.0; 3] } else { offset }
 }
 
 fn check_motion(robot: &Robot, rear: usize, front: usize, offset: [f64; 3]) -> Result<(), RobotError> {
