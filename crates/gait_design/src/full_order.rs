@@ -3,7 +3,8 @@
 //! ([`plan_full_order`]). The rear legs are not tied to the front ones by a pairing, so its optimum can only be lower; for the
 //! Vision 60's gaits it costs about half.
 //!
-//! Three kinds of request need it. On a sideways slope, and with a torso that leans to a side, a step's mirror image is no step: two steps are planned, each with its own polynomials and
+//! Robots whose rear legs cannot do as the front ones across do ([`Robot::rear_offset_rad`]), with knees that point apart for
+//! example, need it, and three kinds of request. On a sideways slope, and with a torso that leans to a side, a step's mirror image is no step: two steps are planned, each with its own polynomials and
 //! stance toes, joined by q and q̇ at the first switch and closed over the stride. And the reference may be planned inside the
 //! program ([`Reference::InProgram`]): the polynomials are then what the tracking law follows, its torque stands in place of
 //! y = 0, and the joints are where that leads them.
@@ -15,13 +16,15 @@ use crate::recompose::{self, PlanPoint};
 use crate::request::GaitRequest;
 use crate::{
     Plan, PlanError, PlanOptions, Planner, Reference, SubproblemSolver, WarmStart, between_points, guess, leg_length_m,
-    not_converged, on_slope, program_of, summary,
+    not_converged, on_slope, program_with_offset, summary,
 };
 use gait::{Coefficients, JOINTS, SecondStep, bezier};
 use nlp::{Bounds, Evaluation, Iteration, NullSpace, Pattern, Problem, SqpSolver, Status, Workspace};
 use rigid_body::{Data, last_point_kinematics, last_point_kinematics_derivatives, rnea, rnea_derivatives};
 use robot::Robot;
 use std::ops::ControlFlow;
+
+mod start;
 
 const DOF: usize = 18;
 /// Room for the unknowns that meet once the equalities are eliminated.
@@ -781,12 +784,6 @@ pub(crate) fn recomposed(full: &FullOrderProgram, program: &DecomposedProgram, x
         }
         let all = pairing.recompose_position(&front);
         out[layout.alpha(0, k, 0)..layout.alpha(0, k + 1, 0)].copy_from_slice(&all[6..]);
-        if layout.steps == 2 {
-            for i in 6..DOF {
-                let (from, sign) = full.mirror(i);
-                out[layout.alpha(1, k, i - 6)] = sign * all[from];
-            }
-        }
     }
     out[layout.t()] = x[d::T];
     for p in 0..layout.points {
@@ -804,27 +801,8 @@ pub(crate) fn recomposed(full: &FullOrderProgram, program: &DecomposedProgram, x
         }
         to[at::LAMBDA..].copy_from_slice(&from[d::LAMBDA_1..d::LAMBDA_1 + 6]);
         out[layout.point(p)..layout.point(p + 1)].copy_from_slice(&to);
-        if layout.steps == 2 {
-            let mut second = [0.0; at::POINT];
-            for i in 0..DOF {
-                let (from, sign) = full.mirror(i);
-                for block in [at::Q, at::V, at::A] {
-                    second[block + i] = sign * to[block + from];
-                }
-                if i >= 6 {
-                    second[at::U + i - 6] = sign * to[at::U + from - 6];
-                }
-            }
-            second[at::Q] += full.speed_m_s * x[d::T];
-            for toe in [0, 3] {
-                for (axis, sign) in [1.0, -1.0, 1.0].into_iter().enumerate() {
-                    second[at::LAMBDA + toe + axis] = sign * to[at::LAMBDA + toe + axis];
-                }
-            }
-            let index = layout.points + p;
-            out[layout.point(index)..layout.point(index + 1)].copy_from_slice(&second);
-        }
     }
+    full.mirror_second_step(&mut out);
     out
 }
 
@@ -848,22 +826,28 @@ pub fn plan_full_order(
     let level = GaitRequest { sideways_slope_rad: 0.0, torso_pitch_rad: 0.0, torso_roll_rad: 0.0, ..request.clone() };
     let level_robot = &on_slope(robot, &level);
     let level_options = PlanOptions { subproblem: SubproblemSolver::default(), warm_start: None, ..options.clone() };
-    let mut decomposed = program_of(level_robot, &level, options.program.clone())?;
+    let offset = robot.rear_offset_rad().ok();
+    // Of a decomposed program that cannot be, bounds and hips are used alone.
+    let mut decomposed = program_with_offset(level_robot, &level, options.program.clone(), offset.unwrap_or_default())?;
     // Where the program differs from the decomposed one by its rear legs only, the two start alike, to be compared.
-    let alike = request.is_decomposable() && options.reference != Reference::InProgram;
-    let near = if alike {
+    let alike = offset.is_some() && request.is_decomposable() && options.reference != Reference::InProgram;
+    let near = if alike || offset.is_none() {
         None
     } else {
         Planner::new(robot).solve(&level, &level_options, |_| ControlFlow::Continue(())).ok().map(|solution| solution.x)
     };
-    let start = match near {
-        Some(x) => x,
-        None => guess::nominal(level_robot, &mut decomposed, &level)?,
+    let mut program =
+        FullOrderProgram::new(&on_slope(robot, request), request, &options.program, &decomposed, options.reference);
+    let mut start = match near {
+        Some(x) => recomposed(&program, &decomposed, &x),
+        None if offset.is_none() => start::of_four_legs(&program, &decomposed, level_robot, &level)?,
+        None => {
+            let x = guess::nominal(level_robot, &mut decomposed, &level)?;
+            recomposed(&program, &decomposed, &x)
+        }
     };
     let robot = &on_slope(robot, request);
-    let mut program = FullOrderProgram::new(robot, request, &options.program, &decomposed, options.reference);
     let layout = program.layout;
-    let mut start = recomposed(&program, &decomposed, &start);
     if !alike {
         program.stay_near(&start);
     }
@@ -927,6 +911,41 @@ pub fn plan_full_order(
 }
 
 impl FullOrderProgram {
+    /// Fills in the second step, where there is one, as the first one's mirror image.
+    fn mirror_second_step(&self, x: &mut [f64]) {
+        let layout = self.layout;
+        if layout.steps == 1 {
+            return;
+        }
+        for k in 0..COEFFICIENTS {
+            for i in 6..DOF {
+                let (from, sign) = self.mirror(i);
+                x[layout.alpha(1, k, i - 6)] = sign * x[layout.alpha(0, k, from - 6)];
+            }
+        }
+        let length_m = self.speed_m_s * x[layout.t()];
+        for p in 0..layout.points {
+            let first: [f64; at::POINT] =
+                x[layout.point(p)..layout.point(p + 1)].try_into().expect("a point's unknowns");
+            let second = &mut x[layout.point(layout.points + p)..layout.point(layout.points + p + 1)];
+            for i in 0..DOF {
+                let (from, sign) = self.mirror(i);
+                for block in [at::Q, at::V, at::A] {
+                    second[block + i] = sign * first[block + from];
+                }
+                if i >= 6 {
+                    second[at::U + i - 6] = sign * first[at::U + from - 6];
+                }
+            }
+            second[at::Q] += length_m;
+            for toe in [0, 3] {
+                for (axis, sign) in [1.0, -1.0, 1.0].into_iter().enumerate() {
+                    second[at::LAMBDA + toe + axis] = sign * first[at::LAMBDA + toe + axis];
+                }
+            }
+        }
+    }
+
     /// Adds the cost of moving the joints otherwise than in `x` (rate), and of holding them elsewhere (position).
     ///
     /// Without the pairing the cheapest gait is one that lets its nose down as far as it may and falls when it is walked. So the

@@ -20,6 +20,29 @@ pub struct Unreachable {
     outward_m: f64,
 }
 
+impl Unreachable {
+    pub(crate) fn new(robot: &Robot, request: &GaitRequest, leg: usize, toe_z_m: f64) -> Self {
+        Self {
+            leg: robot.legs[leg].name.replace('_', " "),
+            below_m: request.height_m - toe_z_m,
+            outward_m: request.half_width_m,
+        }
+    }
+}
+
+/// Where a toe is at a phase of the step while the body glides: stance toes stay, swing toes follow a smooth arc.
+pub(crate) fn glide(request: &GaitRequest, hip_x_m: f64, phase: f64, is_stance: bool, is_left: bool) -> Vector3<f64> {
+    let y = if is_left { request.half_width_m } else { -request.half_width_m };
+    let length = request.speed_m_s * request.step_duration_s;
+    if is_stance {
+        return Vector3::new(hip_x_m + length / 2.0, y, 0.0);
+    }
+    // Both ends at rest: 2 L s for the toe while the body moves L s.
+    let along = phase - (2.0 * PI * phase).sin() / (2.0 * PI);
+    let lift = request.clearance_m * (PI * phase).sin().powi(2);
+    Vector3::new(hip_x_m - length / 2.0 + 2.0 * length * along, y, lift)
+}
+
 /// The vector of unknowns that a program's solve starts from without another solution.
 ///
 /// # Errors
@@ -42,17 +65,11 @@ pub fn nominal(robot: &Robot, program: &mut DecomposedProgram, request: &GaitReq
     for (p, &s) in phases.iter().enumerate() {
         base[p][0] = length * s;
         base[p][2] = request.height_m;
-        // Both ends at rest: 2 L s for the toe while the body moves L s.
-        let along = s - (2.0 * PI * s).sin() / (2.0 * PI);
-        let lift = request.clearance_m * (PI * s).sin().powi(2);
-        let swing = Vector3::new(swing_hip - length / 2.0 + 2.0 * length * along, request.half_width_m, lift);
-        let stance = Vector3::new(stance_hip + length / 2.0, -request.half_width_m, 0.0);
+        let swing = glide(request, swing_hip, s, false, true);
+        let stance = glide(request, stance_hip, s, true, false);
         for (is_swing, leg, target) in [(true, swing_leg, swing), (false, stance_leg, stance)] {
-            inverse_kinematics(bipeds, is_swing, &base[p], &mut near, target).ok_or_else(|| Unreachable {
-                leg: robot.legs[leg].name.replace('_', " "),
-                below_m: request.height_m - target.z,
-                outward_m: request.half_width_m,
-            })?;
+            inverse_kinematics(bipeds, is_swing, &base[p], &mut near, target)
+                .ok_or_else(|| Unreachable::new(robot, request, leg, target.z))?;
         }
         for j in 0..6 {
             joints[(p, j)] = near[j];

@@ -187,8 +187,17 @@ pub fn plan(
 }
 
 fn program_of(robot: &Robot, request: &GaitRequest, settings: ProgramSettings) -> Result<DecomposedProgram, PlanError> {
-    robot.check_rear_follows_front()?;
-    let bipeds = BipedPair::new(robot, Pairing::diagonal(robot.mirror.joint_sign))?;
+    program_with_offset(robot, request, settings, robot.rear_offset_rad()?)
+}
+
+fn program_with_offset(
+    robot: &Robot,
+    request: &GaitRequest,
+    settings: ProgramSettings,
+    rear_offset_rad: [f64; 6],
+) -> Result<DecomposedProgram, PlanError> {
+    let pairing = Pairing::diagonal(robot.mirror.joint_sign).with_offset_rad(rear_offset_rad);
+    let bipeds = BipedPair::new(robot, pairing)?;
     Ok(DecomposedProgram::new(robot, bipeds, request, settings))
 }
 
@@ -247,3 +256,5 @@ fn leg_length_m(robot: &Robot) -> f64 {
 mod tests;
 #[cfg(test)]
 mod tests_edges;
+#[cfg(test)]
+mod tests_rear;

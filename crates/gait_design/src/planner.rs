@@ -20,6 +20,8 @@ pub struct Planner {
     condensed: Condensed,
     workspace: nlp::Workspace,
     remembers: bool,
+    /// Whether the rear legs can do as the front ones across do: the decomposed program has them so.
+    rear_follows: bool,
 }
 
 /// Room for what the equalities leave free at 11 points, 14 and an internal force a point, up to 17 points; beyond, Clarabel solves.
@@ -46,6 +48,7 @@ impl Planner {
             condensed: Condensed::default(),
             workspace: nlp::Workspace::default(),
             remembers: false,
+            rear_follows: robot.rear_offset_rad().is_ok(),
         }
     }
 
@@ -66,7 +69,7 @@ impl Planner {
         options: &PlanOptions,
         progress: impl FnMut(&Iteration) -> ControlFlow<()>,
     ) -> Result<Plan, PlanError> {
-        if !request.is_decomposable() || options.reference == Reference::InProgram {
+        if !self.rear_follows || !request.is_decomposable() || options.reference == Reference::InProgram {
             return plan_full_order(&self.robot, request, options, progress);
         }
         let solution = self.solve(request, options, progress)?;

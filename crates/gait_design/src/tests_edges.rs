@@ -5,7 +5,7 @@ use crate::library::{Axis, Entry, Field, Grid, Library, LibraryError};
 use crate::tests::{go_on, noise, vision60};
 
 /// Everything that a plan promises to keep, looked at in the full-order plan itself.
-fn keeps_its_limits(robot: &Robot, request: &GaitRequest, plan: &Plan) {
+pub(crate) fn keeps_its_limits(robot: &Robot, request: &GaitRequest, plan: &Plan) {
     let normal_force_min_n = ProgramSettings::default().normal_force_min_share * robot.model.total_mass() * 9.81;
     assert!(plan.gait.solver.max_violation <= 1e-5, "{}", plan.gait.solver.max_violation);
     for p in &plan.points {

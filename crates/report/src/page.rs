@@ -148,7 +148,7 @@ fn run_data(run: &PageRun) -> Value {
         "mean_torque": run.has_torque.then(|| mean_absolute_torque_nm(settled)),
         "speed_asked": run.gait.map(Gait::speed_m_s),
         "speed_got": run.has_body.then(|| mean_forward_speed_m_s(settled)),
-        "table_two": run.gait.and_then(|gait| table_two(&gait.name)).map(|paper| json!({
+        "table_two": run.gait.and_then(|gait| table_two(&gait.robot, &gait.name)).map(|paper| json!({
             "mujoco": paper.mujoco_nm, "experiment": paper.experiment_nm,
         })),
         "planned": run.gait.map_or(Vec::new(), planned),

@@ -22,7 +22,22 @@ const TABLE_TWO: [TableTwo; 5] = [
     TableTwo { gait: "amble", experiment_nm: [7.11, 6.28, 18.36], mujoco_nm: [8.06, 7.27, 19.03] },
 ];
 
-/// The column of a behaviour, if the paper has one of that name.
-pub fn table_two(gait: &str) -> Option<TableTwo> {
-    TABLE_TWO.into_iter().find(|column| column.gait == gait)
+/// The robot of the paper: its torques are of no use beside another's.
+const ROBOT: &str = "vision60";
+
+/// The column of a behaviour, if the paper has one of that name and the robot is the paper's.
+pub fn table_two(robot: &str, gait: &str) -> Option<TableTwo> {
+    TABLE_TWO.into_iter().find(|column| robot == ROBOT && column.gait == gait)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::table_two;
+
+    #[test]
+    fn table_two_is_the_vision60s_alone() {
+        assert_eq!(table_two("vision60", "gait1").map(|column| column.mujoco_nm), Some([7.80, 6.78, 18.49]));
+        assert_eq!(table_two("go2", "gait1"), None);
+        assert_eq!(table_two("vision60", "trot"), None);
+    }
 }

@@ -19,10 +19,12 @@ impl Description {
     ///
     /// A [`ModelError`] for a text that is no URDF, or holds what is no number.
     pub fn read(text: &str) -> Result<Self, ModelError> {
-        crate::shape::check(text)?;
-        let robot = urdf_rs::read_from_string(text).map_err(|error| ModelError::NotUrdf(error.to_string()))?;
+        let parts = crate::shape::check(text)?;
+        let robot = urdf_rs::read_from_string(text)
+            .map_err(|error| crate::shape::with_place(text, &parts, error.to_string()))?;
         let mut description = Self { robot, notes: Vec::new() };
         description.remove_floating_joint();
+        description.note_degrees();
         Ok(description)
     }
 
@@ -81,6 +83,23 @@ impl Description {
         joint.joint_type = JointType::Fixed;
         joint.mimic = None;
         Ok(())
+    }
+
+    /// A line for origins turned by more than a turn: degrees, mostly. They are used as they are.
+    fn note_degrees(&mut self) {
+        /// One turn, rad.
+        const MOST_RAD: f64 = 6.3;
+        let turned = |pose: &urdf_rs::Pose| pose.rpy.0.into_iter().find(|angle| angle.abs() > MOST_RAD);
+        let joints = self.robot.joints.iter().map(|joint| ("joint", &joint.name, &joint.origin));
+        let links = self.robot.links.iter().map(|link| ("inertial of link", &link.name, &link.inertial.origin));
+        for (kind, name, origin) in joints.chain(links) {
+            if let Some(angle) = turned(origin) {
+                self.notes.push(format!(
+                    "the origin of the {kind} '{name}' has the angle {angle}: more than a turn, or degrees ({:.5} rad)?",
+                    angle.to_radians()
+                ));
+            }
+        }
     }
 
     fn remove_floating_joint(&mut self) {

@@ -107,6 +107,8 @@ pub struct Model {
     pub(crate) torso: Option<usize>,
     /// Torso and legs, if that is what the robot consists of: then the fast algorithms run.
     pub(crate) limbs: Option<Limbs>,
+    /// See [`Model::notes`].
+    pub(crate) notes: Vec<String>,
 }
 
 impl Model {
@@ -139,7 +141,19 @@ impl Model {
             joint_names,
             carriers,
             torso,
+            notes: Vec::new(),
         }
+    }
+
+    /// What is not as the URDF says, a line each, for a person to read.
+    pub fn notes(&self) -> &[String] {
+        &self.notes
+    }
+
+    /// Moves a frame's origin by `offset_m` in its own axes: from a link's origin to the centre of its shape, for example.
+    pub fn move_frame(&mut self, frame: FrameId, offset_m: &Vector3<f64>) {
+        let frame = &mut self.frames[frame.0];
+        frame.translation += frame.rotation * offset_m;
     }
 
     /// Number of coordinates.

@@ -60,17 +60,35 @@ struct Walk<'a> {
     is_read: bool,
     /// The first element of xacro: its line and name.
     xacro: Option<(usize, String)>,
+    /// Elements of the second level.
+    parts: Vec<Part>,
+}
+
+/// An element of the second level: a link or a joint, mostly.
+pub(crate) struct Part {
+    /// Such as "link 'torso'".
+    pub owner: String,
+    /// Its bytes in the text.
+    pub bytes: std::ops::Range<usize>,
 }
 
 /// Walks over the text once, without building anything.
-pub(crate) fn check(text: &str) -> Result<(), ModelError> {
+pub(crate) fn check(text: &str) -> Result<Vec<Part>, ModelError> {
     if text.len() > LIMIT_BYTES {
         return Err(ModelError::TooLarge { found_bytes: text.len(), limit_bytes: LIMIT_BYTES });
     }
     let not_urdf = |problem: String| Err(ModelError::NotUrdf(problem));
     let mut reader = Reader::from_str(text);
-    let mut walk =
-        Walk { text, depth: 0, elements: 0, root_seen: false, owner: String::new(), is_read: false, xacro: None };
+    let mut walk = Walk {
+        text,
+        depth: 0,
+        elements: 0,
+        root_seen: false,
+        owner: String::new(),
+        is_read: false,
+        xacro: None,
+        parts: Vec::new(),
+    };
     loop {
         let at_byte = reader.buffer_position() as usize;
         match reader.read_event() {
@@ -80,9 +98,23 @@ pub(crate) fn check(text: &str) -> Result<(), ModelError> {
             Ok(Event::Eof) => return walk.end(),
             Ok(Event::DocType(_)) => return Err(ModelError::DocumentType),
             Ok(Event::Start(element)) => walk.element(&element, true, at_byte)?,
-            Ok(Event::Empty(element)) => walk.element(&element, false, at_byte)?,
+            Ok(Event::Empty(element)) => {
+                walk.element(&element, false, at_byte)?;
+                if walk.depth == 1
+                    && let Some(part) = walk.parts.last_mut()
+                {
+                    part.bytes.end = reader.buffer_position() as usize;
+                }
+            }
             Ok(Event::End(_)) => match walk.depth.checked_sub(1) {
-                Some(above) => walk.depth = above,
+                Some(above) => {
+                    walk.depth = above;
+                    if above == 1
+                        && let Some(part) = walk.parts.last_mut()
+                    {
+                        part.bytes.end = reader.buffer_position() as usize;
+                    }
+                }
                 None => return not_urdf(format!("an element is closed at byte {at_byte} that was not opened")),
             },
             Ok(_) => {}
@@ -116,6 +148,7 @@ impl Walk<'_> {
                 Some(given) => format!("{name} '{given}'"),
                 None => format!("<{name}>"),
             };
+            self.parts.push(Part { owner: self.owner.clone(), bytes: at_byte..at_byte });
             self.is_read = ["link", "joint", "material"].contains(&name.as_str());
             if name == "joint" {
                 check_joint_type(element)?;
@@ -162,12 +195,24 @@ impl Walk<'_> {
         Ok(())
     }
 
-    fn end(self) -> Result<(), ModelError> {
+    fn end(self) -> Result<Vec<Part>, ModelError> {
         match self.xacro {
             Some((line, element)) => Err(ModelError::XacroElement { line, element }),
-            None => Ok(()),
+            None => Ok(self.parts),
         }
     }
+}
+
+/// What the reader proper has to say of the text, with the link or joint that it cannot read: it says none itself.
+pub(crate) fn with_place(text: &str, parts: &[Part], whole: String) -> ModelError {
+    for part in parts {
+        let Some(alone) = text.get(part.bytes.clone()) else { continue };
+        if let Err(error) = urdf_rs::read_from_string(&format!("<robot name=\"part\">{alone}</robot>")) {
+            let line = line_of(text, part.bytes.start);
+            return ModelError::NotUrdf(format!("{}, line {line}: {error}", part.owner));
+        }
+    }
+    ModelError::NotUrdf(whole)
 }
 
 fn attribute(element: &BytesStart, name: &str) -> Result<Option<String>, ModelError> {

@@ -40,6 +40,10 @@ impl Model {
     }
 }
 
+/// How far a body's largest moment of inertia may exceed the sum of the others, as a share of it, to be taken for a
+/// measurement's error, which is corrected with a line.
+const LACKING_SHARE: f64 = 0.1;
+
 fn from_urdf(robot: &urdf_rs::Robot, floating: bool) -> Result<Model, ModelError> {
     let mut links: BTreeMap<&str, &urdf_rs::Link> = BTreeMap::new();
     for link in &robot.links {
@@ -111,18 +115,30 @@ fn from_urdf(robot: &urdf_rs::Robot, floating: bool) -> Result<Model, ModelError
         let joint = ring.expect("a link that was not met has a joint above it");
         return Err(ModelError::Loop { joint: joint.name.clone(), link: joint.child.link.clone() });
     }
-    for joint in &joints[torso.unwrap_or(0)..] {
+    let mut notes = Vec::new();
+    for joint in &mut joints[torso.unwrap_or(0)..] {
         if joint.inertia.mass_kg == 0.0 {
             return Err(ModelError::MissingInertial { link: joint.link.clone() });
         }
         // Of the body, not of each link: published files give cameras and the like careless inertias, which do no harm
         // once they are part of a torso.
         let (moments, slack) = principal_moments(&joint.inertia.rotational_kg_m2);
-        if moments[2] > moments[0] + moments[1] + slack || moments[2] <= 0.0 {
+        let lacks = moments[2] - moments[0] - moments[1];
+        if moments[2] <= 0.0 || lacks > LACKING_SHARE * moments[2] {
             return Err(ModelError::BadInertia { link: joint.link.clone(), moments });
         }
+        if lacks > slack {
+            joint.inertia.rotational_kg_m2 += Matrix3::identity() * lacks;
+            notes.push(format!(
+                "link '{}' has the principal moments of inertia {moments:?} kg m², the last larger than the other two \
+                 together: {lacks:.1e} kg m² is added to each",
+                joint.link
+            ));
+        }
     }
-    Ok(Model::assemble(joints, frames, torso))
+    let mut model = Model::assemble(joints, frames, torso);
+    model.notes = notes;
+    Ok(model)
 }
 
 /// The chain x, y, z, yaw, pitch, roll without masses.

@@ -49,6 +49,12 @@ pub(crate) fn narrow_positions(
         if lower > upper {
             return Err(RobotError::SwappedLimits { joint: name.clone(), lower, upper });
         }
+        if let Some(limit) = [lower, upper].into_iter().find(|limit| limit.abs() > LIMIT_MOST_RAD) {
+            notes.push(format!(
+                "the URDF's joint '{name}' has a limit of {limit}: more than two turns, or degrees ({:.3} rad)?",
+                limit.to_radians()
+            ));
+        }
         if lower == upper {
             notes.push(format!("the URDF's joint '{name}' has the limits {lower} to {upper}: taken as none"));
             continue;
@@ -121,6 +127,16 @@ pub(crate) fn narrow_limits(
             limits.velocity_rad_s[k] = velocity;
         }
     }
+    for k in 0..3 {
+        let (plan, drive) = (limits.plan_torque_nm[k], limits.drive_torque_nm[k]);
+        if plan > drive * (1.0 + ROUNDING) {
+            return Err(RobotError::Field {
+                field: format!("limits.plan_torque_nm[{k}]"),
+                found: plan.to_string(),
+                expected: format!("at most limits.drive_torque_nm[{k}], {drive}"),
+            });
+        }
+    }
     Ok(())
 }
 
@@ -151,36 +167,6 @@ pub(crate) fn check_places(robot: &Robot) -> Result<(), RobotError> {
         let (leg, toe) = (&robot.legs[number], robot.model.frame_name(robot.legs[number].toe));
         let (leg, toe) = (leg.name.clone(), toe.to_owned());
         return Err(RobotError::WrongPlace { place: PLACES[number], found, number, leg, toe, x_m, y_m });
-    }
-    Ok(())
-}
-
-/// How far a rear leg's standing angles may be from its front leg's: beyond it the knee bends to the other side, rad.
-const SAME_SIDE_RAD: f64 = 1.0;
-
-/// See [`Robot::check_rear_follows_front`].
-pub(crate) fn check_rear_follows_front(robot: &Robot) -> Result<(), RobotError> {
-    for (rear, front) in [(1, 2), (3, 0)] {
-        let (rear, front) = (&robot.legs[rear], &robot.legs[front]);
-        let sign = robot.mirror.joint_sign;
-        let fail = |what, found, image| {
-            Err(RobotError::RearDiffers { rear: rear.name.clone(), front: front.name.clone(), what, found, image })
-        };
-        let image: [f64; 3] = std::array::from_fn(|k| sign[k] * front.stand_rad[k]);
-        if (1..3).any(|k| (rear.stand_rad[k] - image[k]).abs() > SAME_SIDE_RAD) {
-            return fail("standing, they are at", rear.stand_rad, image);
-        }
-        let ends = |k: usize| {
-            let (a, b) = (sign[k] * front.position_min_rad[k], sign[k] * front.position_max_rad[k]);
-            (a.min(b), a.max(b))
-        };
-        if let Some(k) =
-            (0..3).find(|&k| ends(k).0.max(rear.position_min_rad[k]) >= ends(k).1.min(rear.position_max_rad[k]))
-        {
-            let image = [k as f64, ends(k).0, ends(k).1];
-            let found = [k as f64, rear.position_min_rad[k], rear.position_max_rad[k]];
-            return fail("joint number, lower and upper limit are", found, image);
-        }
     }
     Ok(())
 }

@@ -72,20 +72,14 @@ pub enum RobotError {
         joint: String,
     },
     /// A rear leg that cannot do what the front leg across from it does.
-    #[error(
-        "leg '{rear}' cannot follow leg '{front}', its image across: {what} {found:?} and {image:?} rad. Plans have the rear legs do as the front ones across do, so that front and rear knees must bend to the same side and their limits must overlap: choose stand_rad and limits so"
-    )]
+    #[error("leg '{rear}' cannot do as leg '{front}' across does: {what}")]
     RearDiffers {
         /// The rear leg.
         rear: String,
         /// The front leg on the other side.
         front: String,
         /// What differs.
-        what: &'static str,
-        /// The rear leg's.
-        found: [f64; 3],
-        /// The front leg's, mirrored.
-        image: [f64; 3],
+        what: String,
     },
     /// A URDF that no robot.toml can be proposed for.
     #[error("the URDF is of no robot with four legs of three turning joints each: {problem}")]

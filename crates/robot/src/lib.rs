@@ -14,6 +14,8 @@ mod kinematics;
 mod mirror;
 mod parse;
 mod propose;
+mod rear;
+mod toe;
 
 use std::path::{Path, PathBuf};
 
@@ -31,7 +33,7 @@ pub struct Robot {
     pub urdf: String,
     /// The URDF as it was read, with the joints locked that robot.toml locks.
     pub description: Description,
-    /// The folder that it was loaded from: meshes are looked for from there.
+    /// The folder that meshes are looked for from: robot.toml's `meshes`, else the one that it was loaded from.
     pub folder: Option<PathBuf>,
     /// What was changed on the way from the files to here, a line each, for a person to read.
     pub notes: Vec<String>,
@@ -172,7 +174,8 @@ impl Robot {
         let mut robot = Self::from_toml_str(&toml, &urdf)?;
         notes.extend(more);
         notes.append(&mut robot.notes);
-        Ok(Self { folder: Some(folder.to_owned()), notes, ..robot })
+        let meshes = robot.folder.take().map_or_else(|| folder.to_owned(), |meshes| folder.join(meshes));
+        Ok(Self { folder: Some(meshes), notes, ..robot })
     }
 
     /// The text of a file of bounded size, whatever encoding of Unicode it has, and a line if that is not UTF-8.
@@ -182,6 +185,12 @@ impl Robot {
     /// If it cannot be read, is too large, or its encoding is not known.
     pub fn read_text(path: &Path) -> Result<(String, Option<String>), RobotError> {
         parse::read(path).map(|(text, notes)| (text, notes.into_iter().next()))
+    }
+
+    /// The ball of a toe's link, by number among the shapes that touch: the only ball there is.
+    pub fn toe_ball(&self, link: &urdf_rs::Link) -> Option<usize> {
+        let (ball, _) = toe::ball(link)?;
+        link.collision.iter().position(|shape| std::ptr::eq(shape, ball))
     }
 
     /// Height of the leg's hip-roll joint in the torso's axes, m.
@@ -194,13 +203,15 @@ impl Robot {
         frame_position(&self.model, &data, hip).z
     }
 
-    /// Whether the rear legs can do what the front legs across do, as plans have them do.
+    /// What is added to the angles of the front leg across, mirrored, to give those of rear legs 1 and 3, rad, in plans that have
+    /// the rear legs do as the front ones across do: 0 for legs alike, else what brings one standing posture to the other.
     ///
     /// # Errors
     ///
-    /// [`RobotError::RearDiffers`] if knees bend to different sides, standing, or the limits have nothing in common.
-    pub fn check_rear_follows_front(&self) -> Result<(), RobotError> {
-        against_urdf::check_rear_follows_front(self)
+    /// [`RobotError::RearDiffers`] if the same turns move the toes otherwise, as with knees that point to different sides, or
+    /// the limits have nothing in common.
+    pub fn rear_offset_rad(&self) -> Result<[f64; 6], RobotError> {
+        rear::offset_rad(self)
     }
 
     /// Names of the twelve joints, leg·3 + joint.

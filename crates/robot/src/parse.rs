@@ -7,7 +7,7 @@ use std::path::{Component, Path};
 use rigid_body::{Description, JointKind, Model};
 use serde::Deserialize;
 
-use crate::{Drives, Gains, Leg, Limits, Mirror, Nominal, Robot, RobotError, against_urdf};
+use crate::{Drives, Gains, Leg, Limits, Mirror, Nominal, Robot, RobotError, against_urdf, toe};
 
 /// Longest file that is read. A robot's files are far below it.
 const LIMIT_BYTES: u64 = 16 << 20;
@@ -23,6 +23,8 @@ struct RobotFile {
     name: String,
     urdf: String,
     toe_radius_m: f64,
+    /// Folder that the URDF's meshes are looked for from, where it is not the robot's.
+    meshes: Option<String>,
     mirror: MirrorFile,
     nominal: NominalFile,
     gains: GainsFile,
@@ -161,7 +163,8 @@ pub(crate) fn robot(toml: &str, urdf: &str) -> Result<Robot, RobotError> {
     lock(&mut description, &file.locked, &legs)?;
     let mut notes = description.notes().to_vec();
     let in_file_order = Model::floating_base(&description)?;
-    let model = model(&legs, &in_file_order)?;
+    notes.extend_from_slice(in_file_order.notes());
+    let mut model = model(&legs, &in_file_order)?;
     let legs = {
         let mut done = Vec::with_capacity(4);
         for (i, leg) in legs.into_iter().enumerate() {
@@ -169,6 +172,11 @@ pub(crate) fn robot(toml: &str, urdf: &str) -> Result<Robot, RobotError> {
         }
         <[Leg; 4]>::try_from(done).expect("four legs were converted")
     };
+    let toe_radius_m = in_range("toe_radius_m", file.toe_radius_m, 0.0, 1.0)?;
+    for leg in &legs {
+        toe::centre_frame(&mut model, &description, leg.toe);
+    }
+    notes.extend(other_radius(toe_radius_m, &legs, &model, &description));
     let mirror = Mirror {
         leg: mirror_legs(&file.mirror.leg)?,
         joint_sign: triple("mirror.joint_sign", &file.mirror.joint_sign, |x| x.abs() == 1.0, "±1")?,
@@ -184,9 +192,9 @@ pub(crate) fn robot(toml: &str, urdf: &str) -> Result<Robot, RobotError> {
         name: file.name,
         urdf: urdf.to_owned(),
         description,
-        folder: None,
+        folder: file.meshes.map(Into::into),
         notes,
-        toe_radius_m: in_range("toe_radius_m", file.toe_radius_m, 0.0, 1.0)?,
+        toe_radius_m,
         mirror,
         nominal: Nominal {
             height_m: in_range("nominal.height_m", file.nominal.height_m, 0.01, 10.0)?,
@@ -213,6 +221,18 @@ fn lock(description: &mut Description, locked: &BTreeMap<String, f64>, legs: &[L
         description.lock(joint, position).map_err(|error| fail(error.to_string()))?;
     }
     Ok(())
+}
+
+/// A line where the toes' balls have another radius in the URDF.
+fn other_radius(toe_radius_m: f64, legs: &[Leg; 4], model: &Model, description: &Description) -> Option<String> {
+    let (link, radius) = legs.iter().find_map(|leg| {
+        let link = toe::link(description, model.frame_name(leg.toe))?;
+        let (_, radius) = toe::ball(link)?;
+        ((radius - toe_radius_m).abs() > 0.02 * radius).then_some((&link.name, radius))
+    })?;
+    Some(format!(
+        "robot.toml's toe_radius_m, {toe_radius_m}, is used in place of {radius}, the radius of the ball of the URDF's link '{link}'"
+    ))
 }
 
 fn drives(file: Option<&DrivesFile>) -> Result<Drives, RobotError> {

@@ -38,20 +38,25 @@ pub struct Proposal {
     pub look_at: Vec<String>,
 }
 
-/// A robot.toml for the URDF of a robot with four legs of three joints each; `file` is the URDF's name beside it.
+/// A robot.toml for the URDF of a robot with four legs of three joints each; `file` is the URDF's name beside it, `meshes` the
+/// folder that its meshes are looked for from, if that is another.
 ///
 /// # Errors
 ///
 /// If the URDF is refused, four legs are not found, they cannot stand, or the two sides are no mirror images.
-pub fn propose(name: &str, file: &str, urdf: &str) -> Result<Proposal, RobotError> {
+pub fn propose(name: &str, file: &str, meshes: Option<&str>, urdf: &str) -> Result<Proposal, RobotError> {
     let mut description = Description::read(urdf)?;
     let found = legs::find(&mut description)?;
-    let model = Model::floating_base(&description)?;
+    let mut model = Model::floating_base(&description)?;
+    for leg in &found.legs {
+        let toe = model.frame_id(&leg.toe).expect("every link is a frame");
+        crate::toe::centre_frame(&mut model, &description, toe);
+    }
     let postures = posture::find(&model, &description, &found)?;
     let mut look_at = found.look_at.clone();
     look_at.extend(postures.look_at.iter().cloned());
     let scale_nm = model.total_mass() * GRAVITY_M_S2 * postures.height_m;
-    let head = head([name, file], &description, &found, &postures, scale_nm, &mut look_at);
+    let head = head([name, file], meshes, &description, &found, &postures, scale_nm, &mut look_at);
     let legs: String = (0..4).map(|leg| leg_text(leg, &found, &postures)).collect();
     let mut refused = None;
     for tolerance in TOLERANCES {
@@ -81,6 +86,7 @@ fn list(values: &[f64; 3]) -> String {
 /// The text above the legs.
 fn head(
     [name, file]: [&str; 2],
+    meshes: Option<&str>,
     description: &Description,
     found: &Found,
     postures: &Postures,
@@ -122,6 +128,9 @@ fn head(
         "# Made by `tandem robot init`. SI units; lists of three are (hip roll, hip pitch, knee).\n\nformat = \"tandem-robot\"\nversion = 1\nname = \"{name}\"\nurdf = {file:?}\ntoe_radius_m = {:?}\n\n",
         postures.toe_radius_m
     );
+    if let Some(folder) = meshes {
+        let _ = write!(text, "# Where the URDF's meshes are looked for from.\nmeshes = {folder:?}\n\n");
+    }
     let _ = write!(
         text,
         "[mirror]\nleg = [2, 3, 0, 1]\njoint_sign = {}\ntolerance = TOLERANCE\n\n[nominal]\nheight_m = {:.5}\nhalf_width_m = {:.5}\n\n",

@@ -181,7 +181,7 @@ fn joints_may_bear_the_names_of_the_bases() {
 
 #[test]
 fn a_folder_is_proposed_from_the_urdf_alone() {
-    let proposal = propose("own", "own.urdf", &with_part(LIDAR)).expect("four legs");
+    let proposal = propose("own", "own.urdf", None, &with_part(LIDAR)).expect("four legs");
     let (robot, by_hand) = (&proposal.robot, with(TOML, URDF));
     for (ours, theirs) in robot.legs.iter().zip(&by_hand.legs) {
         assert_eq!(ours.joints, theirs.joints);
@@ -198,7 +198,137 @@ fn a_folder_is_proposed_from_the_urdf_alone() {
 #[test]
 fn no_folder_is_proposed_for_what_has_not_four_legs() {
     let urdf = swap(URDF, "name=\"rear_left_knee\" type=\"revolute\"", "name=\"rear_left_knee\" type=\"fixed\"");
-    let error = propose("own", "own.urdf", &urdf).expect_err("three legs");
+    let error = propose("own", "own.urdf", None, &urdf).expect_err("three legs");
     assert!(matches!(error, RobotError::NotFourLegs { .. }), "{error}");
     assert!(error.to_string().contains("3 begin a chain of three"), "{error}");
+}
+
+/// The URDF with the text of each rear leg changed.
+fn with_rear(change: impl Fn(&str) -> String) -> String {
+    let mut urdf = URDF.to_owned();
+    for side in ["left", "right"] {
+        let start = urdf.find(&format!("<!-- rear {side} leg -->")).expect("a comment in the URDF");
+        let length = urdf[start + 1..].find("<!--").map_or(urdf[start..].len(), |length| length + 1);
+        let leg = change(&urdf[start..start + length]);
+        urdf.replace_range(start..start + length, &leg);
+    }
+    urdf
+}
+
+/// Rear knees whose zero is 0.6 rad from the front ones', as where the shank is bent: the origin of the knee's joint is turned.
+fn rear_knees_turned_by(angle_rad: f64) -> (String, String) {
+    let urdf = with_rear(|leg| {
+        let at = leg.find("_knee\" type=").expect("the knee");
+        let origin = at + leg[at..].find("<origin").expect("its origin");
+        let end = origin + leg[origin..].find("/>").expect("its end");
+        let turned = leg[origin..end].replace("rpy=\"0 0 0\"", &format!("rpy=\"0 {angle_rad} 0\""));
+        assert_ne!(turned, leg[origin..end], "the knee's origin has another form");
+        format!("{}{turned}{}", &leg[..origin], &leg[end..])
+    });
+    let mut toml = TOML.to_owned();
+    for leg in ["rear_left", "rear_right"] {
+        let at = toml.find(&format!("name = \"{leg}\"")).expect("the leg");
+        let (head, tail) = toml.split_at(at);
+        toml = format!("{head}{}", tail.replacen("1.95115]", &format!("{}]", 1.95115 - angle_rad), 1));
+    }
+    (toml, urdf)
+}
+
+#[test]
+fn rear_legs_with_another_zero_are_paired_by_the_standing_posture() {
+    assert_eq!(with(TOML, URDF).rear_offset_rad(), Ok([0.0; 6]));
+    let (toml, urdf) = rear_knees_turned_by(0.6);
+    let offset = with(&toml, &urdf).rear_offset_rad().expect("the same legs, another zero");
+    for (found, wanted) in offset.into_iter().zip([0.0, 0.0, -0.6, 0.0, 0.0, -0.6]) {
+        assert!((found - wanted).abs() < 1e-9, "{offset:?}");
+    }
+}
+
+#[test]
+fn knees_that_point_apart_cannot_be_paired_and_the_reason_is_told() {
+    let mut legs: Vec<String> = TOML.split("[[legs]]").map(str::to_owned).collect();
+    for leg in [2, 4] {
+        legs[leg] = swap(&legs[leg], "0.97488, 1.95115]", "2.16671, -1.95115]")
+            .replace("-0.3, 0.25]", "0.9, -2.9]")
+            .replace("2.2, 2.9]", "3.4, -0.25]");
+    }
+    let urdf = with_rear(|leg| swap(leg, "lower=\"0\" upper=\"3.14159265\"", "lower=\"-3.14159265\" upper=\"0\""));
+    let error = with(&legs.join("[[legs]]"), &urdf).rear_offset_rad().expect_err("knees point apart").to_string();
+    for word in ["rear_left", "front_right", "moves their toes by"] {
+        assert!(error.contains(word), "{error}");
+    }
+}
+
+#[test]
+fn a_toe_is_where_its_ball_is_not_where_its_link_begins() {
+    // All four toes, or the two sides were no mirror images. Their collisions' shapes alone, which have no origin.
+    let ball = "<collision>\n      <geometry><sphere radius=\"0.0325\"/>";
+    let urdf = swap(URDF, ball, &ball.replace("<geometry>", "<origin xyz=\"0 0 0.02\" rpy=\"0 0 0\"/><geometry>"));
+    let (plain, moved) = (with(TOML, URDF), with(TOML, &urdf));
+    let joints = plain.legs[0].stand_rad;
+    let way = moved.toe_from_hip(0, &joints) - plain.toe_from_hip(0, &joints);
+    assert!((way.norm() - 0.02).abs() < 1e-12, "{way}");
+    let smaller = with(&swap(TOML, "toe_radius_m = 0.0325", "toe_radius_m = 0.02"), URDF);
+    assert_notes(&smaller, &["toe_radius_m", "0.02", "0.0325", "front_left_toe"]);
+}
+
+#[test]
+fn an_element_that_cannot_be_read_names_its_link_and_line() {
+    let twice = swap(URDF, "<mass value=\"17.9\"/>", "<mass value=\"17.9\"/><mass value=\"17.9\"/>");
+    assert_refused(TOML, &twice, &["link 'torso'", "line", "mass"]);
+    let at = URDF.find("name=\"front_left_knee\"").expect("the joint");
+    let parent = at + URDF[at..].find("<parent").expect("its parent");
+    let end = parent + URDF[parent..].find("/>").expect("its end") + 2;
+    let none = format!("{}{}", &URDF[..parent], &URDF[end..]);
+    assert_refused(TOML, &none, &["joint 'front_left_knee'", "line", "parent"]);
+}
+
+#[test]
+fn a_leg_whose_inertia_is_a_little_out_is_corrected_with_a_line() {
+    // xx + yy of the hips is 0.01897 kg m².
+    let urdf = URDF.replace("izz=\"0.01533698\"", "izz=\"0.0195\"");
+    let robot = with(TOML, &urdf);
+    assert_notes(&robot, &["front_left_hip", "moments of inertia", "added"]);
+    let hip = robot.model.body_inertia(6).rotational_kg_m2;
+    assert!(hip[(0, 0)] + hip[(1, 1)] >= hip[(2, 2)] * (1.0 - 1e-9), "{hip}");
+    assert_refused(TOML, &URDF.replace("izz=\"0.01533698\"", "izz=\"0.03\""), &["hip", "moments of inertia"]);
+}
+
+#[test]
+fn a_plan_may_not_use_more_torque_than_the_drives_give() {
+    let urdf = URDF.replace("effort=\"87.5\"", "effort=\"0\"");
+    let toml = swap(TOML, "plan_torque_nm = [50.0, 50.0, 50.0]", "plan_torque_nm = [50.0, 50.0, 90.0]");
+    assert_refused(&toml, &urdf, &["plan_torque_nm[2]", "90", "drive_torque_nm[2]", "87.5"]);
+}
+
+#[test]
+fn degrees_in_the_urdf_are_told() {
+    let limits = swap(URDF, "lower=\"-0.43\" upper=\"0.43\"", "lower=\"-24.6\" upper=\"24.6\"");
+    assert_notes(&with(TOML, &limits), &["front_left_hip_roll", "24.6", "degrees"]);
+    let urdf = with_part(
+        r#"<link name="camera"/><joint name="camera_fixed" type="fixed"><parent link="torso"/><child link="camera"/><origin xyz="0 0 0" rpy="0 90 0"/></joint>"#,
+    );
+    assert_notes(&with(TOML, &urdf), &["camera_fixed", "90", "degrees"]);
+}
+
+#[test]
+fn a_base_of_a_millionth_of_a_kilogram_is_part_of_the_torso() {
+    let urdf = swap(
+        URDF,
+        "<link name=\"base_link\"/>",
+        "<link name=\"base_link\"><inertial><mass value=\"1e-6\"/><inertia ixx=\"1e-6\" ixy=\"0\" ixz=\"0\" iyy=\"1e-12\" iyz=\"0\" izz=\"1e-12\"/></inertial></link>",
+    );
+    assert!((with(TOML, &urdf).model.total_mass() - with(TOML, URDF).model.total_mass() - 1e-6).abs() < 1e-12);
+}
+
+#[test]
+fn meshes_are_looked_for_from_robot_tomls_folder() {
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    std::fs::write(folder.path().join("vision60.urdf"), URDF).expect("writes");
+    std::fs::write(folder.path().join("robot.toml"), TOML).expect("writes");
+    assert_eq!(Robot::load(folder.path()).expect("loads").folder.as_deref(), Some(folder.path()));
+    let toml = swap(TOML, "toe_radius_m = ", "meshes = \"/opt/own_description\"\ntoe_radius_m = ");
+    std::fs::write(folder.path().join("robot.toml"), toml).expect("writes");
+    let robot = Robot::load(folder.path()).expect("loads");
+    assert_eq!(robot.folder.as_deref(), Some(std::path::Path::new("/opt/own_description")));
 }

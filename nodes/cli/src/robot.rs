@@ -73,9 +73,10 @@ fn init(file: &Path, output: Option<&Path>, name: Option<&str>, force: bool) -> 
         Some(name) => name.to_owned(),
         None => name_of(&urdf).with_context(|| file.display().to_string())?,
     };
-    let proposal =
-        ::robot::propose(&name, &format!("{name}.urdf"), &urdf).with_context(|| file.display().to_string())?;
     let folder = output.map_or_else(|| PathBuf::from(&name), Path::to_owned);
+    let meshes = meshes_folder(file, &folder, &urdf)?;
+    let proposal = ::robot::propose(&name, &format!("{name}.urdf"), meshes.as_deref(), &urdf)
+        .with_context(|| file.display().to_string())?;
     let toml = folder.join("robot.toml");
     if toml.exists() && !force {
         bail!("{} exists: give --force to replace it, or another folder with -o", toml.display());
@@ -97,6 +98,16 @@ fn init(file: &Path, output: Option<&Path>, name: Option<&str>, force: bool) -> 
         println!("  {line}");
     }
     Ok(())
+}
+
+/// The URDF's own folder, where its meshes are looked for from, unless it has none or stays there.
+fn meshes_folder(file: &Path, folder: &Path, urdf: &str) -> Result<Option<String>> {
+    let own = file.canonicalize().with_context(|| file.display().to_string())?;
+    let own = own.parent().context("a file is in a folder")?;
+    if !urdf.contains("<mesh") || folder.canonicalize().is_ok_and(|folder| folder == own) {
+        return Ok(None);
+    }
+    Ok(Some(own.to_str().with_context(|| format!("{}: the path is not UTF-8", own.display()))?.to_owned()))
 }
 
 /// The URDF's own name as a word.

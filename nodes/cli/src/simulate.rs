@@ -175,11 +175,6 @@ impl Arguments {
     }
 }
 
-/// The paper's torques: the Vision 60's, of no use beside another robot's.
-fn paper(robot: &Robot, gait: &Gait) -> Option<::report::TableTwo> {
-    if robot.name == "vision60" { ::report::table_two(&gait.name) } else { None }
-}
-
 struct Done {
     walk: Walk,
     wall_s: f64,
@@ -350,7 +345,7 @@ impl Done {
         let row = |name: &str, [roll, pitch, knee]: [f64; 3]| format!("  {name:24}{roll:9.2}{pitch:11.2}{knee:8.2}\n");
         text += "  mean |torque|, Nm        hip roll  hip pitch    knee\n";
         text += &row("  here", f.mean_abs_torque_nm.into());
-        if let Some(paper) = paper(robot, gait) {
+        if let Some(paper) = ::report::table_two(&robot.name, &gait.name) {
             text += &row("  Table II, MuJoCo", paper.mujoco_nm);
             text += &row("  Table II, experiment", paper.experiment_nm);
         }
@@ -378,7 +373,7 @@ impl Done {
             End::Fell { at_s, .. } => (Some(*at_s), None),
             End::Fault { at_s, fault } => (Some(*at_s), Some(fault)),
         };
-        let paper = paper(robot, gait);
+        let paper = ::report::table_two(&robot.name, &gait.name);
         serde_json::json!({
             "gait": gait.name,
             "step_duration_s": gait.step_duration_s,

@@ -106,7 +106,7 @@ struct Writer<'a> {
     toes: HashSet<&'a str>,
     text: String,
     meshes: Meshes,
-    notes: Vec<String>,
+    without_ball: Vec<&'a str>,
     joints_met: HashSet<&'a str>,
     /// Moving links whose links, fixed to each other, are written as one body, and that body's inertia.
     merged: HashMap<&'a str, Inertia>,
@@ -169,6 +169,7 @@ impl<'a> Writer<'a> {
     }
 
     fn shapes(&mut self, link: &'a Link, of_trunk: bool) {
+        let before = self.text.len();
         for visual in link.visual.iter().filter(|visual| has_extent(&visual.geometry)) {
             let Some(shape) = shape(&visual.geometry, &mut self.meshes) else { continue };
             let _ = write!(
@@ -178,36 +179,67 @@ impl<'a> Writer<'a> {
                 numbers(&self.color(visual.material.as_ref()))
             );
         }
-        if self.toes.contains(link.name.as_str()) {
-            self.toe(link);
-            return;
+        if !link.visual.is_empty() && self.text.len() == before {
+            self.bones(link);
         }
-        for collision in link.collision.iter().filter(|collision| has_extent(&collision.geometry)) {
+        let is_toe = self.toes.contains(link.name.as_str());
+        let ball = if is_toe { self.toe(link) } else { None };
+        for (number, collision) in link.collision.iter().enumerate() {
+            // A toe without a ball stands on robot.toml's alone.
+            if (is_toe && ball.is_none()) || Some(number) == ball || !has_extent(&collision.geometry) {
+                continue;
+            }
             let Some(shape) = shape(&collision.geometry, &mut self.meshes) else { continue };
             let class = if of_trunk { "trunk" } else { "leg" };
             let _ = write!(self.text, r#"<geom class="{class}" {shape} {}/>"#, place(&collision.origin));
         }
     }
 
-    /// A toe is a ball: the URDF's, or that of robot.toml about the toe link's origin.
-    fn toe(&mut self, link: &'a Link) {
-        let radius_m = self.of.toe_radius_m;
-        let (shape, origin) = match &link.collision[..] {
-            [ball] if matches!(ball.geometry, Geometry::Sphere { radius } if radius > 0.0) => {
-                (shape(&ball.geometry, &mut self.meshes), place(&ball.origin))
+    /// Lines from a link's origin to its joints, where none of its own shapes could be drawn.
+    fn bones(&mut self, link: &'a Link) {
+        /// Half a line's thickness, as a share of the standing height.
+        const RADIUS_SHARE: f64 = 0.03;
+        let radius_m = RADIUS_SHARE * self.of.nominal.height_m;
+        for joint in self.robot.joints.iter().filter(|joint| joint.parent.link == link.name) {
+            let to = joint.origin.xyz.0;
+            if Vector3::from(to).norm() > 1e-3 {
+                let (to, rgba) = (numbers(&to), "0.55 0.60 0.68 1");
+                let _ = write!(
+                    self.text,
+                    r#"<geom class="seen" type="capsule" size="{radius_m}" fromto="0 0 0 {to}" rgba="{rgba}"/>"#
+                );
             }
-            others => {
-                let found = if others.is_empty() { "has no shape that touches" } else { "is no single ball" };
-                self.notes.push(format!(
-                    "toe link '{}' {found}: it touches the ground with robot.toml's ball of {radius_m} m radius",
-                    link.name
-                ));
-                (None, place(&Pose::default()))
+        }
+    }
+
+    /// A toe is a ball with robot.toml's radius: where the URDF has its only one, else about the toe link's origin. The number of
+    /// the URDF's among the shapes that touch.
+    fn toe(&mut self, link: &'a Link) -> Option<usize> {
+        let radius_m = self.of.toe_radius_m;
+        let ball = self.of.toe_ball(link);
+        let origin = match ball {
+            Some(number) => place(&link.collision[number].origin),
+            None => {
+                self.without_ball.push(&link.name);
+                place(&Pose::default())
             }
         };
-        let shape = shape.unwrap_or_else(|| format!(r#"type="sphere" size="{radius_m}""#));
         let name = escape(&own(&link.name));
-        let _ = write!(self.text, r#"<geom class="toe" name="{name}" {shape} {origin}/>"#);
+        let _ = write!(self.text, r#"<geom class="toe" name="{name}" type="sphere" size="{radius_m}" {origin}/>"#);
+        ball
+    }
+
+    /// One line for all toes without a ball.
+    fn note_of_toes(&self) -> Option<String> {
+        let links = &self.without_ball;
+        (!links.is_empty()).then(|| {
+            format!(
+                "toe link(s) '{}': not one ball among the shapes that touch; the ground is touched with robot.toml's ball of {} m \
+                 radius",
+                links.join("', '"),
+                self.of.toe_radius_m
+            )
+        })
     }
 
     /// A moving joint.
@@ -298,14 +330,15 @@ pub(super) fn mjcf(of: &Robot, options: &SimulatorOptions, meshes: Meshes) -> Re
         toes: of.legs.iter().map(|leg| of.model.frame_name(leg.toe)).collect(),
         text: String::new(),
         meshes,
-        notes: Vec::new(),
+        without_ball: Vec::new(),
         joints_met: HashSet::new(),
         merged: HashMap::new(),
     };
     writer.find_merged(root);
     let torso = writer.merged.get(root).copied();
     writer.link(root, true, torso.as_ref(), true)?;
-    let Writer { text: bodies, joints_met, meshes, mut notes, .. } = writer;
+    let mut notes: Vec<String> = writer.note_of_toes().into_iter().collect();
+    let Writer { text: bodies, joints_met, meshes, .. } = writer;
     if let Some(missing) = joint_names.iter().find(|n| !joints_met.contains(n.as_str())) {
         return Err(SimulatorError::Urdf(format!(
             "joint \"{missing}\" of the robot file is not a moving joint of the URDF"
