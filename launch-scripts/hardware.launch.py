@@ -32,12 +32,16 @@ def generate_launch_description():
             description="Longest silence of `tandem stop-button`, which must run; 0: silence means nothing.",
         ),
         DeclareLaunchArgument(
+            "use_sim_time", default_value="false", choices=["true", "false"], description="true: stamps by /clock, beside a replayed bag."
+        ),
+        DeclareLaunchArgument(
             "planner", default_value="true", choices=["true", "false"], description="false: a planner runs elsewhere."
         ),
     ]
     value = LaunchConfiguration
     namespace = value("namespace")
     robot = {"robot": value("robot"), "autostart": ParameterValue(value("autostart"), value_type=bool)}
+    time = {"use_sim_time": ParameterValue(value("use_sim_time"), value_type=bool)}
     hardware = {
         "backend": "can",
         "bus_file": value("bus_file"),
@@ -45,12 +49,12 @@ def generate_launch_description():
         "emergency_stop_heartbeat_s": ParameterValue(value("emergency_stop_heartbeat_s"), value_type=float),
     }
     nodes = [
-        Node(package="tandem_controller", executable="tandem_controller", namespace=namespace, parameters=[robot, hardware]),
+        Node(package="tandem_controller", executable="tandem_controller", namespace=namespace, parameters=[robot, hardware, time]),
         Node(
             package="tandem_planner",
             executable="tandem_planner",
             namespace=namespace,
-            parameters=[robot],
+            parameters=[robot, time],
             condition=IfCondition(value("planner")),
         ),
     ]

@@ -14,6 +14,9 @@ def generate_launch_description():
         DeclareLaunchArgument(
             "autostart", default_value="true", choices=["true", "false"], description="false: wait for the lifecycle services."
         ),
+        DeclareLaunchArgument(
+            "use_sim_time", default_value="false", choices=["true", "false"], description="true: stamps by /clock, beside a simulation."
+        ),
     ]
     node = Node(
         package="tandem_planner",
@@ -23,6 +26,7 @@ def generate_launch_description():
             {
                 "robot": LaunchConfiguration("robot"),
                 "autostart": ParameterValue(LaunchConfiguration("autostart"), value_type=bool),
+                "use_sim_time": ParameterValue(LaunchConfiguration("use_sim_time"), value_type=bool),
             }
         ],
     )

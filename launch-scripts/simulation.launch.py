@@ -20,16 +20,21 @@ def generate_launch_description():
         DeclareLaunchArgument(
             "terrain", default_value="flat", choices=["flat", "slope", "rough", "steps"], description="The ground."
         ),
+        DeclareLaunchArgument(
+            "use_sim_time", default_value="true", choices=["true", "false"], description="Stamps by /clock, which the simulation publishes."
+        ),
         DeclareLaunchArgument("initial_posture", default_value="sit", choices=["sit", "stand"], description="At the start."),
     ]
     value = LaunchConfiguration
     namespace = value("namespace")
     robot = {"robot": value("robot"), "autostart": ParameterValue(value("autostart"), value_type=bool)}
     mode = {"mode": value("mode")}
+    # The simulation makes /clock and stamps by itself.
+    time = {"use_sim_time": ParameterValue(value("use_sim_time"), value_type=bool)}
     scene = {"terrain": value("terrain"), "initial_posture": value("initial_posture")}
     nodes = [
-        Node(package="tandem_planner", executable="tandem_planner", namespace=namespace, parameters=[robot]),
-        Node(package="tandem_controller", executable="tandem_controller", namespace=namespace, parameters=[robot, mode]),
+        Node(package="tandem_planner", executable="tandem_planner", namespace=namespace, parameters=[robot, time]),
+        Node(package="tandem_controller", executable="tandem_controller", namespace=namespace, parameters=[robot, mode, time]),
         Node(
             package="tandem_sim_bridge", executable="tandem_sim_bridge", namespace=namespace, parameters=[robot, mode, scene]
         ),

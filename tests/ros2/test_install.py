@@ -34,6 +34,18 @@ def test_the_package_index_knows_every_package(prefix, monkeypatch):
         assert get_package_share_directory(package) == str(prefix / "share" / package)
 
 
+def test_manual_pages_and_completions_are_installed(prefix):
+    pages = {page.name for page in (prefix / "share/man/man1").iterdir()}
+    assert {"tandem.1", "tandem-plan.1", "tandem-bag-play.1", "tandem-stop-button.1"} <= pages
+    completions = ["bash-completion/completions/tandem", "zsh/site-functions/_tandem", "fish/vendor_completions.d/tandem.fish"]
+    assert all("stop-button" in (prefix / "share" / file).read_text() for file in completions)
+    # A shell that completes `tandem bag p` offers play.
+    words = 'COMP_WORDS=(tandem bag p); COMP_CWORD=2; _tandem tandem p bag; printf "%s " "${COMPREPLY[@]}"'
+    script = f"source {prefix}/share/bash-completion/completions/tandem; {words}"
+    offered = subprocess.run(["bash", "-c", script], check=True, capture_output=True, text=True).stdout.split()
+    assert offered == ["play"]
+
+
 def test_systemd_takes_the_units(prefix, tmp_path):
     units = []
     for unit in sorted((ROOT / "config/systemd").glob("*.service")):
@@ -203,7 +215,7 @@ def test_launch_files_start_programs_that_exist_with_parameters_that_exist(prefi
     modules = {
         "launch": ["LaunchDescription"],
         "launch.actions": ["DeclareLaunchArgument", "ExecuteProcess"],
-        "launch.conditions": ["IfCondition"],
+        "launch.conditions": ["IfCondition", "UnlessCondition"],
         "launch.substitutions": ["LaunchConfiguration", "PathJoinSubstitution"],
         "launch_ros": [],
         "launch_ros.actions": ["Node"],
@@ -235,7 +247,10 @@ def test_launch_files_start_programs_that_exist_with_parameters_that_exist(prefi
             assert (prefix / "lib" / package / program).exists(), f"{file.name}: {package}/{program}"
             name = program.removeprefix("tandem_")
             table = interfaces.split(f"<!-- parameters: {name} -->", 1)[1].split("<!-- end -->", 1)[0]
-            for parameter in (key for group in node.named["parameters"] for key in group):
+            # Every node has use_sim_time, which no table repeats; the simulation has the time itself.
+            parameters = {key for group in node.named["parameters"] for key in group}
+            assert ("use_sim_time" in parameters) == (program != "tandem_sim_bridge"), f"{file.name}: {program}"
+            for parameter in parameters - {"use_sim_time"}:
                 assert f"| `{parameter}` |" in table, f"{file.name}: {program} has no parameter {parameter}"
         for process in (a for a in made if isinstance(a, classes["ExecuteProcess"])):
             joined = next(a for a in made if isinstance(a, classes["PathJoinSubstitution"])).positional[0]

@@ -10,7 +10,10 @@ use tempfile::TempDir;
 
 use crate::BagError;
 
-const ZSTD_MARK: &[u8] = &[0x28, 0xb5, 0x2f, 0xfd];
+/// A message of more than this is damage.
+const LARGEST_MESSAGE: u64 = 1 << 30;
+
+pub(crate) const ZSTD_MARK: &[u8] = &[0x28, 0xb5, 0x2f, 0xfd];
 const ROS1_MARK: &[u8] = b"#ROSBAG V";
 const SQLITE_MARK: &[u8] = b"SQLite format 3\0";
 
@@ -63,6 +66,11 @@ impl DataFile {
         Ok(file)
     }
 
+    /// The file, opened to be read.
+    pub(crate) fn file(&self) -> Result<File, BagError> {
+        File::open(&self.readable).map_err(BagError::io(&self.shown, "open"))
+    }
+
     fn copy_with_journal(&mut self) -> Result<(), BagError> {
         let folder = private_folder(&self.shown)?;
         let target = folder.path().join("data");
@@ -81,7 +89,7 @@ impl DataFile {
 }
 
 /// Whether a file's name is that of a data file: `.mcap` or `.db3`, or either with `.zstd` or `.zst` behind it.
-pub(crate) fn is_data_name(path: &Path) -> bool {
+fn is_data_name(path: &Path) -> bool {
     inner_name(path).extension().is_some_and(|extension| extension == "mcap" || extension == "db3")
 }
 
@@ -95,9 +103,9 @@ fn is_sqlite(path: &Path, head: &[u8]) -> bool {
     head.starts_with(SQLITE_MARK) || inner_name(path).extension().is_some_and(|extension| extension == "db3")
 }
 
-/// Bytes 18 and 19 of the file are 2 in write-ahead mode.
+/// Bytes 18 and 19 of the file are 1, or 2 in write-ahead mode. sqlite goes by one; damaged they differ.
 fn sqlite_mode(head: &[u8]) -> SqliteMode {
-    if head.get(18..20) == Some(&[2, 2]) { SqliteMode::Immutable } else { SqliteMode::ReadOnly }
+    if head.get(18..20) == Some(&[1, 1]) { SqliteMode::ReadOnly } else { SqliteMode::Immutable }
 }
 
 fn has_journal(path: &Path) -> bool {
@@ -135,4 +143,49 @@ fn unpack(from: &Path, to: &Path) -> Result<(), BagError> {
     let mut decoder = zstd::stream::read::Decoder::new(source).map_err(BagError::io(from, "unpack"))?;
     std::io::copy(&mut decoder, &mut target).map_err(BagError::io(from, "unpack (damaged, or the disk is full)"))?;
     Ok(())
+}
+
+/// The file that metadata calls `name`: at the folder's top, packed or unpacked since.
+pub(crate) fn listed_file(folder: &Path, name: &str) -> PathBuf {
+    let plain = folder.join(Path::new(name).file_name().unwrap_or_default());
+    let mut packed = plain.as_os_str().to_owned();
+    packed.push(".zstd");
+    let candidates = [inner_name(&plain), PathBuf::from(packed)];
+    if plain.exists() { plain } else { candidates.into_iter().find(|file| file.exists()).unwrap_or(plain) }
+}
+
+/// Why a part of a split bag holds nothing, if it does not.
+pub(crate) fn absent(file: &Path) -> Option<&'static str> {
+    match std::fs::metadata(file) {
+        Err(error) if error.kind() == std::io::ErrorKind::NotFound => Some("this part is missing"),
+        Ok(found) if found.len() == 0 => Some("this part is empty"),
+        _ => None,
+    }
+}
+
+/// The `.mcap` and `.db3` files of a folder, in the order of the numbers at the end of their names.
+pub(crate) fn data_files(folder: &Path) -> Result<Vec<PathBuf>, BagError> {
+    let mut files = Vec::new();
+    for entry in std::fs::read_dir(folder).map_err(BagError::io(folder, "list"))? {
+        let path = entry.map_err(BagError::io(folder, "list"))?.path();
+        if is_data_name(&path) {
+            files.push(path);
+        }
+    }
+    let number = |path: &PathBuf| {
+        let stem = path.file_stem().map(|stem| stem.to_string_lossy().into_owned()).unwrap_or_default();
+        let digits = stem.rsplit('_').next().and_then(|end| end.parse::<u64>().ok());
+        (digits, stem)
+    };
+    files.sort_by_key(number);
+    Ok(files)
+}
+
+/// Unpacks one message that rosbag2 compressed by itself.
+pub(crate) fn unpack_message(data: &[u8]) -> Result<Vec<u8>, String> {
+    let mut bytes = Vec::new();
+    zstd::stream::read::Decoder::with_buffer(data)
+        .and_then(|decoder| decoder.take(LARGEST_MESSAGE).read_to_end(&mut bytes))
+        .map_err(|error| format!("cannot be unpacked: {error}"))?;
+    Ok(bytes)
 }

@@ -38,23 +38,30 @@
 //! - Nothing here knows DDS, a robot or a controller: topics, types, stamps and bytes.
 //! - Nothing is written over: a recording starts in a folder that does not hold a bag.
 
+mod copy;
 mod cursor;
 mod data_file;
 mod decode;
 mod definition;
 mod error;
 mod mcap_file;
+mod message;
 mod metadata;
+mod offer;
 mod qos;
 mod read;
 mod recorder;
+mod records;
 mod recover;
 mod sqlite_file;
 
+pub use copy::{Filter, Filtered, filter};
 pub use decode::{Value, decode};
 pub use definition::{Definition, full_definition, known_types};
 pub use error::BagError;
+pub use message::Message;
+pub use offer::{Liveliness, Offer};
 pub use qos::{Durability, Qos, Reliability};
-pub use read::{Bag, BagTopic, Message, Messages, from_cdr};
+pub use read::{Bag, BagTopic, Messages, from_cdr};
 pub use recorder::{Recorder, RecorderOptions, RecorderStatus, Summary, Topic, TopicSummary, WhenFull, to_cdr};
 pub use recover::{Recovery, recover};

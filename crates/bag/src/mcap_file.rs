@@ -5,48 +5,21 @@
 
 use std::collections::BTreeMap;
 use std::fs::File;
-use std::io::Read;
 use std::os::unix::fs::FileExt;
 use std::path::PathBuf;
 
+use crate::BagError;
 use crate::cursor::Cursor;
 use crate::data_file::DataFile;
-use crate::read::Message;
-use crate::{BagError, Qos};
+use crate::message::Message;
+use crate::records::{
+    Channel, LARGEST_RECORD, Schema, channel, decompress_chunk, for_each_record, message, message_head, op, schema,
+};
 
 const MAGIC: &[u8; 8] = b"\x89MCAP0\r\n";
 
-/// More than any sensible chunk or record; a larger size in a file is damage, and is not allocated.
-const LARGEST_RECORD: u64 = 1 << 30;
-
 /// Messages outside chunks are grouped into blocks of about this size.
 const LOOSE_BLOCK: u64 = 1 << 20;
-
-mod op {
-    pub(super) const HEADER: u8 = 1;
-    pub(super) const SCHEMA: u8 = 3;
-    pub(super) const CHANNEL: u8 = 4;
-    pub(super) const MESSAGE: u8 = 5;
-    pub(super) const CHUNK: u8 = 6;
-    pub(super) const DATA_END: u8 = 15;
-}
-
-#[derive(Clone, Debug)]
-pub(crate) struct Channel {
-    pub(crate) topic: String,
-    pub(crate) type_name: String,
-    /// The `ros2msg` text, if the schema is in that encoding.
-    pub(crate) definition: Option<String>,
-    pub(crate) message_encoding: String,
-    pub(crate) qos: Option<Qos>,
-    pub(crate) messages: u64,
-}
-
-struct Schema {
-    name: String,
-    encoding: String,
-    data: Vec<u8>,
-}
 
 /// A stretch of the file whose messages are read together.
 #[derive(Clone, Copy, Debug)]
@@ -94,7 +67,7 @@ impl McapFile {
     /// [`BagError::Io`]; [`BagError::BadFile`] if this is not an MCAP file at all.
     pub(crate) fn scan(data: &DataFile) -> Result<McapFile, BagError> {
         let path = data.shown.as_path();
-        let file = File::open(&data.readable).map_err(BagError::io(path, "open"))?;
+        let file = data.file()?;
         let size = file.metadata().map_err(BagError::io(path, "look at"))?.len();
         let mut magic = [0; 8];
         if size == 0 {
@@ -231,8 +204,7 @@ impl McapFile {
         let mut messages = Vec::new();
         for_each_record(&bytes, |code, record| {
             if code == op::MESSAGE {
-                let (channel, stamp_ns, data) = message(record).ok_or("a message is cut short")?;
-                messages.push((channel, Message { topic: 0, stamp_ns, data: data.to_vec() }));
+                messages.push(message(record).ok_or("a message is cut short")?);
             }
             Ok(())
         })
@@ -275,7 +247,7 @@ impl Found {
                 Ok(None)
             }
             op::MESSAGE => {
-                let (id, stamp_ns, _) = message(bytes).ok_or("a message is cut short")?;
+                let (id, stamp_ns) = message_head(bytes).ok_or("a message is cut short")?;
                 let channel = self
                     .channels
                     .get_mut(&id)
@@ -287,103 +259,6 @@ impl Found {
             _ => Ok(None),
         }
     }
-}
-
-fn schema(bytes: &[u8]) -> Option<(u16, Schema)> {
-    let mut cursor = Cursor::new(bytes);
-    let id = cursor.u16()?;
-    let name = cursor.text()?.to_owned();
-    let encoding = cursor.text()?.to_owned();
-    let length = cursor.u32()?;
-    Some((id, Schema { name, encoding, data: cursor.take(length as usize)?.to_vec() }))
-}
-
-fn channel(bytes: &[u8], schemas: &BTreeMap<u16, Schema>) -> Result<(u16, Channel), String> {
-    let short = "a channel record is cut short or not text";
-    let mut cursor = Cursor::new(bytes);
-    let id = cursor.u16().ok_or(short)?;
-    let schema_id = cursor.u16().ok_or(short)?;
-    let topic = cursor.text().ok_or(short)?.to_owned();
-    let message_encoding = cursor.text().ok_or(short)?.to_owned();
-    let length = cursor.u32().ok_or(short)?;
-    let mut about = Cursor::new(cursor.take(length as usize).ok_or(short)?);
-    let mut qos = None;
-    while !about.is_empty() {
-        let key = about.text().ok_or(short)?;
-        let value = about.text().ok_or(short)?;
-        if key == "offered_qos_profiles" {
-            qos = Qos::from_yaml(value);
-        }
-    }
-    let schema = schemas.get(&schema_id);
-    if schema_id != 0 && schema.is_none() {
-        return Err(format!("channel '{topic}' uses schema {schema_id}, which is not declared"));
-    }
-    let definition = schema
-        .filter(|schema| schema.encoding == "ros2msg")
-        .and_then(|schema| String::from_utf8(schema.data.clone()).ok());
-    let type_name = schema.map_or(String::new(), |schema| schema.name.clone());
-    Ok((id, Channel { topic, type_name, definition, message_encoding, qos, messages: 0 }))
-}
-
-/// Channel, stamp and content of a message record.
-fn message(bytes: &[u8]) -> Option<(u16, u64, &[u8])> {
-    let mut cursor = Cursor::new(bytes);
-    let channel = cursor.u16()?;
-    let _sequence = cursor.u32()?;
-    let log_time = cursor.u64()?;
-    let _publish_time = cursor.u64()?;
-    Some((channel, log_time, cursor.rest()))
-}
-
-fn for_each_record(mut bytes: &[u8], mut take: impl FnMut(u8, &[u8]) -> Result<(), String>) -> Result<(), String> {
-    while !bytes.is_empty() {
-        let mut cursor = Cursor::new(bytes);
-        let head = cursor.u8().zip(cursor.u64());
-        let (code, length) = head.ok_or("a chunk ends inside a record")?;
-        let length = usize::try_from(length).map_err(|_| "a chunk ends inside a record")?;
-        let record = cursor.take(length).ok_or("a chunk ends inside a record")?;
-        take(code, record)?;
-        bytes = cursor.rest();
-    }
-    Ok(())
-}
-
-/// The records in a chunk, its length and checksum verified.
-fn decompress_chunk(bytes: &[u8]) -> Result<Vec<u8>, String> {
-    let short = "a chunk's head is cut short";
-    let mut cursor = Cursor::new(bytes);
-    let _start = cursor.u64().ok_or(short)?;
-    let _end = cursor.u64().ok_or(short)?;
-    let size = cursor.u64().ok_or(short)?;
-    let checksum = cursor.u32().ok_or(short)?;
-    let compression = cursor.text().ok_or(short)?;
-    let length = cursor.u64().ok_or(short)?;
-    let packed = usize::try_from(length).ok().and_then(|length| cursor.take(length)).ok_or(short)?;
-    if size > LARGEST_RECORD {
-        return Err(format!("a chunk of {size} bytes; expected at most {LARGEST_RECORD}"));
-    }
-    let mut records = Vec::new();
-    // One byte more than announced is enough to see that there is too much.
-    let unpacked = match compression {
-        "" => packed.take(size + 1).read_to_end(&mut records),
-        "zstd" => zstd::stream::read::Decoder::with_buffer(packed)
-            .and_then(|decoder| decoder.take(size + 1).read_to_end(&mut records)),
-        "lz4" => lz4_flex::frame::FrameDecoder::new(packed).take(size + 1).read_to_end(&mut records),
-        other => return Err(format!("a chunk compressed with '{other}'; expected zstd, lz4 or none")),
-    };
-    unpacked.map_err(|error| format!("a chunk cannot be unpacked: {error}"))?;
-    if records.len() as u64 != size {
-        return Err(format!("a chunk unpacks to {} bytes or more; expected {size}", records.len()));
-    }
-    // Zero means that no checksum was made.
-    if checksum != 0 {
-        let found = crc32fast::hash(&records);
-        if found != checksum {
-            return Err(format!("a chunk's checksum is {found:08x}; expected {checksum:08x}"));
-        }
-    }
-    Ok(records)
 }
 
 /// The messages of a file in the order of their stamps. Blocks whose times overlap are open at the same time.

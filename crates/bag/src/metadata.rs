@@ -17,8 +17,27 @@ pub(crate) const FILE_NAME: &str = "metadata.yaml";
 pub(crate) struct TopicCount {
     pub(crate) name: String,
     pub(crate) type_name: String,
-    pub(crate) qos: Option<Qos>,
+    /// How the messages are serialised.
+    pub(crate) encoding: String,
+    /// What the publishers offered: rosbag2's list of profiles.
+    pub(crate) offered: serde_yaml_ng::Value,
+    /// rosbag2's hash of the type's description; empty if it is not known.
+    pub(crate) type_hash: String,
     pub(crate) messages: u64,
+}
+
+impl TopicCount {
+    /// Of a topic recorded here.
+    pub(crate) fn cdr(name: &str, type_name: &str, qos: Qos, messages: u64) -> TopicCount {
+        TopicCount {
+            name: name.to_owned(),
+            type_name: type_name.to_owned(),
+            encoding: "cdr".to_owned(),
+            offered: serde_yaml_ng::to_value([QosYaml::from(qos)]).expect("a plain structure is always YAML"),
+            type_hash: String::new(),
+            messages,
+        }
+    }
 }
 
 /// One MCAP file of a bag.
@@ -73,9 +92,9 @@ struct TopicMetadata<'a> {
     name: &'a str,
     #[serde(rename = "type")]
     type_name: &'a str,
-    serialization_format: &'static str,
-    offered_qos_profiles: Vec<QosYaml>,
-    type_description_hash: &'static str,
+    serialization_format: &'a str,
+    offered_qos_profiles: &'a serde_yaml_ng::Value,
+    type_description_hash: &'a str,
 }
 
 #[derive(Serialize)]
@@ -118,9 +137,9 @@ fn information<'a>(topics: &'a [TopicCount], files: &'a [FilePart]) -> Informati
                 topic_metadata: TopicMetadata {
                     name: &topic.name,
                     type_name: &topic.type_name,
-                    serialization_format: "cdr",
-                    offered_qos_profiles: topic.qos.map(QosYaml::from).into_iter().collect(),
-                    type_description_hash: "",
+                    serialization_format: &topic.encoding,
+                    offered_qos_profiles: &topic.offered,
+                    type_description_hash: &topic.type_hash,
                 },
                 message_count: topic.messages,
             })

@@ -53,34 +53,6 @@ impl Qos {
     pub(crate) fn to_yaml(self) -> String {
         serde_yaml_ng::to_string(&[QosYaml::from(self)]).expect("a plain structure is always YAML")
     }
-
-    /// Reads what rosbag2 writes: a YAML list whose words are names (version 9) or numbers (before). The first profile counts.
-    pub(crate) fn from_yaml(text: &str) -> Option<Qos> {
-        Qos::from_profiles(&serde_yaml_ng::from_str(text).ok()?)
-    }
-
-    /// As it stands in metadata.yaml: a list since version 9, a text that holds the list before.
-    pub(crate) fn from_yaml_value(value: &serde_yaml_ng::Value) -> Option<Qos> {
-        match value.as_str() {
-            Some(text) => Qos::from_yaml(text),
-            None => Qos::from_profiles(value),
-        }
-    }
-
-    fn from_profiles(value: &serde_yaml_ng::Value) -> Option<Qos> {
-        let profile = value.as_sequence()?.first()?;
-        let word = |key: &str| profile.get(key);
-        let reliability = match word("reliability")? {
-            v if v.as_str() == Some("best_effort") || v.as_u64() == Some(2) => Reliability::BestEffort,
-            _ => Reliability::Reliable,
-        };
-        let durability = match word("durability")? {
-            v if v.as_str() == Some("transient_local") || v.as_u64() == Some(1) => Durability::TransientLocal,
-            _ => Durability::Volatile,
-        };
-        let depth = word("depth").and_then(|v| v.as_u64()).unwrap_or(10).clamp(1, 100_000) as u32;
-        Some(Qos { reliability, durability, depth })
-    }
 }
 
 /// One profile in rosbag2's own layout (metadata version 9).
@@ -125,22 +97,12 @@ impl From<Qos> for QosYaml {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::Offer;
 
     #[test]
     fn what_is_written_is_read_back() {
         for qos in [Qos::sensor(1), Qos::reliable(10), Qos::latched()] {
-            assert_eq!(Qos::from_yaml(&qos.to_yaml()), Some(qos));
+            assert_eq!(Offer::for_all(&Offer::list_from_yaml(&qos.to_yaml())).map(Qos::from), Some(qos));
         }
-    }
-
-    #[test]
-    fn numbers_of_older_bags_are_understood() {
-        let text = "- history: 1\n  depth: 7\n  reliability: 2\n  durability: 1\n  deadline: {sec: 0, nsec: 0}\n";
-        let expected = Qos { reliability: Reliability::BestEffort, durability: Durability::TransientLocal, depth: 7 };
-        assert_eq!(Qos::from_yaml(text), Some(expected));
-        assert_eq!(Qos::from_yaml(""), None);
-        assert_eq!(Qos::from_yaml("{{{"), None);
-        assert_eq!(Qos::from_yaml("words"), None);
-        assert_eq!(Qos::from_yaml_value(&serde_yaml_ng::Value::from("words")), None);
     }
 }

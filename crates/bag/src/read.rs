@@ -8,21 +8,12 @@ use std::sync::Arc;
 use serde::Deserialize;
 use serde::de::DeserializeOwned;
 
-use crate::data_file::{DataFile, inner_name, is_data_name};
-use crate::mcap_file::{Channel, McapFile, Ordered};
+use crate::data_file::{DataFile, absent, data_files, inner_name, listed_file, unpack_message};
+use crate::mcap_file::{McapFile, Ordered};
+use crate::message::Message;
+use crate::records::Channel;
 use crate::sqlite_file::SqliteFile;
-use crate::{BagError, Definition, Qos, full_definition, metadata};
-
-/// One recorded message.
-#[derive(Clone, Debug, PartialEq, Eq)]
-pub struct Message {
-    /// Index of its topic in [`Bag::topics`].
-    pub topic: usize,
-    /// When it was recorded, ns since the epoch of the recording's clock.
-    pub stamp_ns: u64,
-    /// The message in CDR, with its four-byte encapsulation header.
-    pub data: Vec<u8>,
-}
+use crate::{BagError, Definition, Offer, Qos, full_definition, metadata};
 
 /// A topic of a bag.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -35,10 +26,14 @@ pub struct BagTopic {
     pub definition: Option<String>,
     /// How the messages are serialised; `cdr` in every ROS 2 bag.
     pub encoding: String,
-    /// The quality of service that its publisher offered, if the bag says.
+    /// The quality of service that serves everyone whom its publishers served, if the bag says what those offered.
     pub qos: Option<Qos>,
+    /// What its publishers offered, one after the other; empty if the bag does not say.
+    pub offers: Vec<Offer>,
     /// How many messages.
     pub messages: u64,
+    /// As it stands in the first file that has it.
+    pub(crate) channel: Channel,
 }
 
 impl BagTopic {
@@ -113,9 +108,6 @@ struct MetadataTopicInformation {
     #[serde(default)]
     offered_qos_profiles: serde_yaml_ng::Value,
 }
-
-/// A message of more than this is damage.
-const LARGEST_MESSAGE: u64 = 1 << 30;
 
 impl Bag {
     /// Opens a bag's folder, or one `.mcap` or `.db3` file, and reads it through once: every chunk's checksum is verified.
@@ -223,8 +215,11 @@ impl Bag {
             }
             let listed = information.iter().flat_map(|information| &information.topics_with_message_count);
             for entry in listed.filter(|entry| entry.topic_metadata.name == topic.name) {
-                topic.qos = topic.qos.or_else(|| Qos::from_yaml_value(&entry.topic_metadata.offered_qos_profiles));
+                if topic.offers.is_empty() {
+                    topic.offers = Offer::list_from_yaml_value(&entry.topic_metadata.offered_qos_profiles);
+                }
             }
+            topic.qos = Offer::for_all(&topic.offers).map(Qos::from);
         }
         Ok(bag)
     }
@@ -267,16 +262,25 @@ impl Bag {
             Some(index) => {
                 let topic = &mut self.topics[index];
                 topic.messages += channel.messages;
-                topic.qos = topic.qos.or(channel.qos);
-                topic.definition = topic.definition.take().or_else(|| channel.definition.clone());
+                for offer in channel.offers() {
+                    // A later part of a split bag says the same again.
+                    if topic.offers.iter().filter(|known| **known == offer).count()
+                        < channel.offers().iter().filter(|known| **known == offer).count()
+                    {
+                        topic.offers.push(offer);
+                    }
+                }
+                topic.definition = topic.definition.take().or_else(|| channel.definition());
             }
             None => self.topics.push(BagTopic {
                 name: channel.topic.clone(),
                 type_name: channel.type_name.clone(),
-                definition: channel.definition.clone(),
+                definition: channel.definition(),
                 encoding: channel.message_encoding.clone(),
-                qos: channel.qos,
+                qos: None,
+                offers: channel.offers(),
                 messages: channel.messages,
+                channel: channel.clone(),
             }),
         }
     }
@@ -415,7 +419,7 @@ impl Messages {
         let Some(mut message) = self.waiting[index].take() else { return Ok(None) };
         self.advance(index)?;
         if self.compression == MessageCompression::Zstd {
-            message.data = unpack(&message.data).map_err(|reason| {
+            message.data = unpack_message(&message.data).map_err(|reason| {
                 BagError::bad_file(&self.path, format!("the message at {} ns: {reason}", message.stamp_ns))
             })?;
         }
@@ -433,51 +437,6 @@ impl Iterator for Messages {
         }
         result.transpose()
     }
-}
-
-fn unpack(data: &[u8]) -> Result<Vec<u8>, String> {
-    use std::io::Read;
-    let mut bytes = Vec::new();
-    zstd::stream::read::Decoder::with_buffer(data)
-        .and_then(|decoder| decoder.take(LARGEST_MESSAGE).read_to_end(&mut bytes))
-        .map_err(|error| format!("cannot be unpacked: {error}"))?;
-    Ok(bytes)
-}
-
-/// The file that metadata calls `name`: at the folder's top, packed or unpacked since.
-fn listed_file(folder: &Path, name: &str) -> PathBuf {
-    let plain = folder.join(Path::new(name).file_name().unwrap_or_default());
-    let mut packed = plain.as_os_str().to_owned();
-    packed.push(".zstd");
-    let candidates = [inner_name(&plain), PathBuf::from(packed)];
-    if plain.exists() { plain } else { candidates.into_iter().find(|file| file.exists()).unwrap_or(plain) }
-}
-
-/// Why a part of a split bag holds nothing, if it does not.
-fn absent(file: &Path) -> Option<&'static str> {
-    match std::fs::metadata(file) {
-        Err(error) if error.kind() == std::io::ErrorKind::NotFound => Some("this part is missing"),
-        Ok(found) if found.len() == 0 => Some("this part is empty"),
-        _ => None,
-    }
-}
-
-/// The `.mcap` and `.db3` files of a folder, in the order of the numbers at the end of their names.
-pub(crate) fn data_files(folder: &Path) -> Result<Vec<PathBuf>, BagError> {
-    let mut files = Vec::new();
-    for entry in std::fs::read_dir(folder).map_err(BagError::io(folder, "list"))? {
-        let path = entry.map_err(BagError::io(folder, "list"))?.path();
-        if is_data_name(&path) {
-            files.push(path);
-        }
-    }
-    let number = |path: &PathBuf| {
-        let stem = path.file_stem().map(|stem| stem.to_string_lossy().into_owned()).unwrap_or_default();
-        let digits = stem.rsplit('_').next().and_then(|end| end.parse::<u64>().ok());
-        (digits, stem)
-    };
-    files.sort_by_key(number);
-    Ok(files)
 }
 
 /// Reads a message of a known Rust type. `name` is only used in the error.

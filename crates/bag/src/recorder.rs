@@ -450,17 +450,17 @@ pub(crate) struct Writer {
 }
 
 /// The file being written.
-struct OpenFile {
-    path: PathBuf,
+pub(crate) struct OpenFile {
+    pub(crate) path: PathBuf,
     /// Device and inode, to notice that the file was taken away.
     identity: (u64, u64),
-    mcap: mcap::Writer<BufWriter<File>>,
+    pub(crate) mcap: mcap::Writer<BufWriter<File>>,
     /// The same file, to synchronise and to ask its size.
     handle: File,
     sequence: BTreeMap<u16, u32>,
     channels: BTreeMap<u16, u16>,
-    messages: u64,
-    span_ns: Option<(u64, u64)>,
+    pub(crate) messages: u64,
+    pub(crate) span_ns: Option<(u64, u64)>,
 }
 
 impl Writer {
@@ -570,12 +570,8 @@ impl Writer {
             .enumerate()
             .map(|(index, topic)| {
                 let pending = self.topics.get(index).map_or(0, |(_, pending)| *pending);
-                TopicCount {
-                    name: topic.name.clone(),
-                    type_name: topic.type_name.clone(),
-                    qos: Some(topic.qos),
-                    messages: topic.written.load(Ordering::Acquire) + pending,
-                }
+                let messages = topic.written.load(Ordering::Acquire) + pending;
+                TopicCount::cdr(&topic.name, &topic.type_name, topic.qos, messages)
             })
             .collect()
     }
@@ -592,8 +588,8 @@ impl Writer {
 }
 
 impl OpenFile {
-    fn create(folder: &Path, stem: &str, number: usize, options: &RecorderOptions) -> Result<OpenFile, BagError> {
-        let path = folder.join(format!("{stem}_{number}.mcap"));
+    pub(crate) fn create(folder: &Path, stem: &str, part: usize, with: &RecorderOptions) -> Result<OpenFile, BagError> {
+        let path = folder.join(format!("{stem}_{part}.mcap"));
         let file = File::options().write(true).create_new(true).open(&path).map_err(BagError::io(&path, "create"))?;
         let handle = file.try_clone().map_err(BagError::io(&path, "open twice"))?;
         let attributes = file.metadata().map_err(BagError::io(&path, "look at"))?;
@@ -601,9 +597,9 @@ impl OpenFile {
         let mcap = mcap::WriteOptions::library(mcap::WriteOptions::new(), writer)
             .profile("ros2")
             .compression(Some(mcap::Compression::Zstd))
-            .compression_level(options.compression_level)
+            .compression_level(with.compression_level)
             .compression_threads(0)
-            .chunk_size(Some(options.chunk_bytes))
+            .chunk_size(Some(with.chunk_bytes))
             // A chunk then reaches the file whole, in one piece: a killed process leaves no half-described chunk behind.
             .disable_seeking(true)
             .create(BufWriter::new(file))
@@ -675,12 +671,12 @@ impl OpenFile {
         Ok(self.handle.metadata().map_err(BagError::io(&self.path, "look at"))?.len())
     }
 
-    fn part(&self) -> FilePart {
+    pub(crate) fn part(&self) -> FilePart {
         let name = self.path.file_name().map_or(String::new(), |name| name.to_string_lossy().into_owned());
         FilePart { name, messages: self.messages, span_ns: self.span_ns }
     }
 
-    fn finish(&mut self, topics: &[TopicCount], earlier: &[FilePart]) -> Result<(), BagError> {
+    pub(crate) fn finish(&mut self, topics: &[TopicCount], earlier: &[FilePart]) -> Result<(), BagError> {
         let files: Vec<FilePart> = earlier.iter().cloned().chain([self.part()]).collect();
         let about = BTreeMap::from([("serialized_metadata".to_owned(), metadata::information_yaml(topics, &files))]);
         let wrap = |error| mcap_error(&self.path, error);
@@ -691,7 +687,7 @@ impl OpenFile {
     }
 }
 
-fn mcap_error(path: &Path, error: mcap::McapError) -> BagError {
+pub(crate) fn mcap_error(path: &Path, error: mcap::McapError) -> BagError {
     match error {
         mcap::McapError::Io(source) => BagError::io(path, "write")(source),
         other => BagError::bad_file(path, format!("cannot write: {other}")),

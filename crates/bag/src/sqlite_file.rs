@@ -5,10 +5,10 @@ use std::path::{Path, PathBuf};
 
 use rusqlite::{Connection, OpenFlags};
 
+use crate::BagError;
 use crate::data_file::{DataFile, SqliteMode};
-use crate::mcap_file::Channel;
-use crate::read::Message;
-use crate::{BagError, Qos};
+use crate::message::Message;
+use crate::records::{Channel, OFFERED, Schema};
 
 /// Rows fetched at a time.
 const PAGE: i64 = 512;
@@ -57,9 +57,9 @@ impl SqliteFile {
                     Channel {
                         topic: row.get(1).map_err(wrap)?,
                         type_name: row.get(2).map_err(wrap)?,
-                        definition: None,
+                        schema: None,
                         message_encoding: row.get(3).map_err(wrap)?,
-                        qos: Qos::from_yaml(&qos),
+                        about: BTreeMap::from([(OFFERED.to_owned(), qos)]),
                         messages: 0,
                     },
                 );
@@ -73,10 +73,9 @@ impl SqliteFile {
                 let type_name: String = row.get(0).map_err(wrap)?;
                 let encoding: String = row.get(1).map_err(wrap)?;
                 let text: String = row.get(2).map_err(wrap)?;
-                if encoding == "ros2msg" {
-                    for channel in channels.values_mut().filter(|channel| channel.type_name == type_name) {
-                        channel.definition = Some(text.clone());
-                    }
+                for channel in channels.values_mut().filter(|channel| channel.type_name == type_name) {
+                    let (name, encoding, data) = (type_name.clone(), encoding.clone(), text.clone().into_bytes());
+                    channel.schema = Some(Schema { name, encoding, data });
                 }
             }
         }
@@ -128,7 +127,8 @@ impl SqliteFile {
                 })?;
                 let data: Vec<u8> = row.get(3).map_err(wrap)?;
                 self.after = (timestamp, id);
-                self.page.push_back((key, Message { topic: 0, stamp_ns: stamp(&self.path, timestamp)?, data }));
+                let stamp_ns = stamp(&self.path, timestamp)?;
+                self.page.push_back((key, Message { topic: 0, stamp_ns, publish_ns: stamp_ns, sequence: 0, data }));
             }
         }
         Ok(self.page.pop_front())

@@ -62,6 +62,7 @@ where
         .with_writer(writer)
         .with_ansi(colours)
         .with_target(false)
+        .log_internal_errors(false)
 }
 
 /// One event is one line, whatever texts of others are in it: a message with a newline would fake a second line, one

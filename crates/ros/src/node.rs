@@ -28,7 +28,7 @@ use crate::parameters::{ParameterBuilder, ParameterType, Store};
 use crate::publisher::{Publisher, Raw, RawPublisher, Slot};
 use crate::service::{ServeOptions, serve};
 use crate::watchdog::{self, Health};
-use crate::{Clock, Qos, RosError, Wire, logging};
+use crate::{Clock, Qos, RosError, Wire, greeting, logging};
 
 /// How long the end of a node may take before it is given up.
 const SHUTDOWN_PATIENCE: Duration = Duration::from_millis(1200);
@@ -193,7 +193,7 @@ impl Node {
     /// Wrong names or parameters, or when the middleware cannot start (no network interface, no free port).
     pub fn start(name: &str, arguments: &Arguments) -> Result<Self, RosError> {
         let (name, namespace) = arguments.node_name(name, "/")?;
-        let lines = logging::start(arguments, &name);
+        let lines = greeting::start(arguments, &namespace, &name);
         let create = |reason: String| RosError::Create {
             what: format!("node {name:?} in domain {}", arguments.domain_id),
             reason,

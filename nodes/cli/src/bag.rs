@@ -1,11 +1,16 @@
 //! `tandem bag`: look at recordings, repair them, play them, run them again.
 
+mod controls;
+mod export;
+mod offers;
 mod play;
 
-use ::bag::{Bag, Value, decode};
+use crate::output;
+use crate::progress::Progress;
+use ::bag::{Bag, Filter};
 use anyhow::{Context, Result, bail};
-use std::collections::BTreeMap;
-use std::io::{BufWriter, Write};
+pub use export::{Written, export_csv};
+use serde_json::json;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 use std::time::Instant;
@@ -17,6 +22,7 @@ use tandem_msgs::text::{SENTENCE_CHARS, printable};
 ///   tandem bag verify out/run            run the recorded controller again, compare every command to the bit
 ///   tandem bag play out/run --rate 0.5   publish it to any ROS 2 tool
 ///   tandem bag recover out/run           save what a crash left
+///   tandem bag filter out/run --topic /joint_states --start 1 -o out/part
 ///   tandem bag export out/run -o csv     one CSV file for each topic
 #[derive(clap::Args)]
 #[command(verbatim_doc_comment)]
@@ -31,6 +37,7 @@ enum Command {
     Recover(RecoverArguments),
     Verify(VerifyArguments),
     Play(play::Arguments),
+    Filter(FilterArguments),
     Export(ExportArguments),
 }
 
@@ -46,14 +53,17 @@ struct InfoArguments {
 
 /// Make a whole bag of what a crash or a broken disk left
 ///
-/// Copies every message that is provably whole into a new bag. The source is only read.
+/// Copies every message that is provably whole into a new bag, byte for byte. The source is only read.
 #[derive(clap::Args)]
 struct RecoverArguments {
     /// A bag's folder, or one .mcap file
     bag: PathBuf,
     /// Folder of the new bag [default: the source's name with _recovered]
-    #[arg(short, long, value_name = "FOLDER")]
+    #[arg(short, long, value_name = "FOLDER", value_parser = output::folder)]
     output: Option<PathBuf>,
+    /// Print one JSON object
+    #[arg(long)]
+    json: bool,
 }
 
 /// Run the recorded controller again and compare every command to the bit
@@ -64,6 +74,33 @@ struct RecoverArguments {
 struct VerifyArguments {
     /// A bag recorded by `tandem simulate --bag` or by the controller
     bag: PathBuf,
+    /// Print one JSON object
+    #[arg(long)]
+    json: bool,
+}
+
+/// Copy a part of a bag into a new one, byte for byte
+///
+/// Messages of any type and serialisation are kept as they are, with what describes them. The source is only read.
+#[derive(clap::Args)]
+struct FilterArguments {
+    /// A bag's folder, or one .mcap or .db3 file
+    bag: PathBuf,
+    /// Folder of the new bag; must be empty or not there
+    #[arg(short, long, value_name = "FOLDER", value_parser = output::folder)]
+    output: PathBuf,
+    /// Only these topics
+    #[arg(long = "topic", value_name = "NAME")]
+    topics: Vec<String>,
+    /// Nothing before this, s after the first message
+    #[arg(long, value_name = "S", default_value_t = 0.0)]
+    start: f64,
+    /// Nothing after this, s after the first message
+    #[arg(long, value_name = "S")]
+    end: Option<f64>,
+    /// Print one JSON object
+    #[arg(long)]
+    json: bool,
 }
 
 /// Write the messages as CSV, one file for each topic
@@ -72,11 +109,14 @@ struct ExportArguments {
     /// A bag's folder, or one .mcap or .db3 file
     bag: PathBuf,
     /// Folder for the files; must be empty or not there
-    #[arg(short, long, value_name = "FOLDER")]
+    #[arg(short, long, value_name = "FOLDER", value_parser = output::folder)]
     output: PathBuf,
     /// Only these topics
     #[arg(long = "topic", value_name = "NAME")]
     topics: Vec<String>,
+    /// Print one JSON object for each file
+    #[arg(long)]
+    json: bool,
 }
 
 /// Runs the subcommand.
@@ -86,6 +126,7 @@ pub fn run(arguments: &Arguments) -> Result<ExitCode> {
         Command::Recover(a) => recover(a),
         Command::Verify(a) => verify(a),
         Command::Play(a) => play::run(a),
+        Command::Filter(a) => filter(a),
         Command::Export(a) => export(a),
     }
 }
@@ -94,15 +135,14 @@ pub fn run(arguments: &Arguments) -> Result<ExitCode> {
 fn open(path: &Path) -> Result<Bag> {
     let bag = Bag::open(path)?;
     for note in bag.notes() {
-        eprintln!("{note}");
+        note!("{note}");
     }
     Ok(bag)
 }
 
 fn info(arguments: &InfoArguments) -> Result<ExitCode> {
     let bag = open(&arguments.bag)?;
-    let (start_ns, end_ns) = bag.span_ns().unwrap_or((0, 0));
-    let duration_s = (end_ns - start_ns) as f64 * 1e-9;
+    let span = Span(bag.span_ns());
     let cycles = replay::continuity(&bag)?;
     if arguments.json {
         let topics: Vec<serde_json::Value> = bag
@@ -116,23 +156,24 @@ fn info(arguments: &InfoArguments) -> Result<ExitCode> {
             })
             .collect();
         let summary = serde_json::json!({
-            "path": bag.path(), "storage": bag.storage(), "files": bag.files(), "bytes": bag.bytes(), "start_ns": start_ns,
-            "end_ns": end_ns, "duration_s": duration_s, "messages": bag.message_count(), "topics": topics,
+            "path": bag.path(), "storage": bag.storage(), "files": bag.files(), "bytes": bag.bytes(), "notes": bag.notes(),
+            "start_ns": span.start_ns(), "end_ns": span.end_ns(), "duration_s": span.duration_s(), "messages": bag.message_count(), "topics": topics,
             "missing_cycles": cycles.map(|cycles| cycles.missing),
             "longest_hole_s": cycles.map(|cycles| cycles.longest.as_secs_f64()),
         });
-        println!("{summary}");
+        output::json(&summary)?;
         return Ok(ExitCode::SUCCESS);
     }
-    println!(
-        "{}: {}, {} file(s), {:.2} MB\n  {duration_s:.3} s from {:.3} s, {} messages",
+    say!(
+        "{}: {}, {} file(s), {:.2} MB\n  {}{} messages",
         bag.path().display(),
         bag.storage(),
         bag.files(),
         bag.bytes() as f64 * 1e-6,
-        start_ns as f64 * 1e-9,
+        span.text(),
         bag.message_count()
-    );
+    )?;
+    let duration_s = span.duration_s().unwrap_or_default();
     let width = bag.topics().iter().map(|topic| topic.name.len()).max().unwrap_or(0);
     for topic in bag.topics() {
         let rate = if duration_s > 0.0 { topic.messages as f64 / duration_s } else { 0.0 };
@@ -143,16 +184,16 @@ fn info(arguments: &InfoArguments) -> Result<ExitCode> {
         // The file may be anybody's.
         let line =
             format!("{:width$}  {:>9} messages {rate:>8.1} Hz  {}{note}", topic.name, topic.messages, topic.type_name);
-        println!("  {}", printable(&line, SENTENCE_CHARS));
+        say!("  {}", printable(&line, SENTENCE_CHARS))?;
     }
     if let Some(cycles) = cycles {
-        println!(
+        say!(
             "  {} control cycles, {} missing between them; at most {:.3} s from one to the next (at {:.3} s of the controller's clock)",
             cycles.cycles,
             cycles.missing,
             cycles.longest.as_secs_f64(),
             cycles.longest_from.as_secs_f64()
-        );
+        )?;
     }
     Ok(ExitCode::SUCCESS)
 }
@@ -168,206 +209,145 @@ fn recover(arguments: &RecoverArguments) -> Result<ExitCode> {
             source.with_file_name(name)
         }
     };
+    let progress = Progress::begin("recovering");
     let recovery = ::bag::recover(&arguments.bag, &target)?;
-    for line in &recovery.damage {
-        println!("  {line}");
+    drop(progress);
+    let span = Span(recovery.span_ns);
+    if arguments.json {
+        output::json(&json!({
+            "folder": recovery.folder, "messages": recovery.messages, "start_ns": span.start_ns(), "end_ns": span.end_ns(),
+            "duration_s": span.duration_s(), "damage": recovery.damage,
+        }))?;
+        return Ok(ExitCode::SUCCESS);
     }
-    let (start_ns, end_ns) = recovery.span_ns.unwrap_or((0, 0));
-    println!(
-        "{}: {} messages over {:.3} s saved",
-        recovery.folder.display(),
-        recovery.messages,
-        (end_ns - start_ns) as f64 * 1e-9
-    );
+    for line in &recovery.damage {
+        say!("  {line}")?;
+    }
+    say!("{}: {}{} messages saved", recovery.folder.display(), span.text(), recovery.messages)?;
     if recovery.damage.is_empty() {
-        println!("  the source was whole");
+        say!("  the source was whole")?;
     }
     Ok(ExitCode::SUCCESS)
 }
 
 fn verify(arguments: &VerifyArguments) -> Result<ExitCode> {
     let begun = Instant::now();
+    let progress = Progress::begin("running again");
     drop(open(&arguments.bag)?);
     let result = replay::verify(&arguments.bag)?;
+    drop(progress);
     let took_s = begun.elapsed().as_secs_f64();
-    println!(
+    let code = if result.first.is_none() { ExitCode::SUCCESS } else { ExitCode::FAILURE };
+    if arguments.json {
+        output::json(&json!({
+            "bag": arguments.bag, "cycles": result.cycles, "duration_s": result.duration_s, "wall_s": took_s,
+            "same": result.first.is_none(), "different_cycles": result.different,
+            "first_difference": result.first.as_ref().map(|first| json!({
+                "time_s": first.time_s, "cycle": first.cycle, "joint": first.joint, "what": first.what,
+                "recorded": first.recorded, "computed": first.computed,
+            })),
+        }))?;
+        return Ok(code);
+    }
+    say!(
         "{}: {} cycles over {:.3} s run again in {took_s:.2} s ({:.0} times real time)",
         arguments.bag.display(),
         result.cycles,
         result.duration_s,
         result.duration_s / took_s
-    );
+    )?;
     match &result.first {
-        None => {
-            println!("  every command the same, to the bit");
-            Ok(ExitCode::SUCCESS)
-        }
-        Some(first) => {
-            println!(
-                "  {} cycles differ; the first at {:.6} s, cycle {}: {} {}\n    recorded {}\n    computed {}",
-                result.different, first.time_s, first.cycle, first.joint, first.what, first.recorded, first.computed
-            );
-            Ok(ExitCode::FAILURE)
-        }
+        None => say!("  every command the same, to the bit")?,
+        Some(first) => say!(
+            "  {} cycles differ; the first at {:.6} s, cycle {}: {} {}\n    recorded {}\n    computed {}",
+            result.different,
+            first.time_s,
+            first.cycle,
+            first.joint,
+            first.what,
+            first.recorded,
+            first.computed
+        )?,
     }
+    Ok(code)
 }
 
-/// A topic's file while it is written.
-struct Table {
-    file: BufWriter<std::fs::File>,
-    path: PathBuf,
-    columns: Columns,
-    rows: u64,
-}
-
-fn export(arguments: &ExportArguments) -> Result<ExitCode> {
-    export_csv(&arguments.bag, &arguments.output, &arguments.topics)?;
+fn filter(arguments: &FilterArguments) -> Result<ExitCode> {
+    let bag = open(&arguments.bag)?;
+    check_topics(&bag, &arguments.topics)?;
+    let first_ns = bag.span_ns().map_or(0, |(start, _)| start);
+    let at = |name: &str, seconds: f64| {
+        if !(0.0..=1e10).contains(&seconds) {
+            bail!("{name} is {seconds}; expected 0 to 1e10 s");
+        }
+        Ok(first_ns.saturating_add((seconds * 1e9) as u64))
+    };
+    let from_ns = at("--start", arguments.start)?;
+    let to_ns = arguments.end.map(|end| at("--end", end)).transpose()?;
+    let progress = Progress::begin("copying");
+    let wanted = Filter { topics: arguments.topics.clone(), from_ns, to_ns };
+    let filtered = ::bag::filter(&bag, &arguments.output, &wanted)?;
+    drop(progress);
+    let span = Span(filtered.span_ns);
+    if arguments.json {
+        output::json(&json!({
+            "folder": filtered.folder, "topics": filtered.topics, "messages": filtered.messages, "start_ns": span.start_ns(),
+            "end_ns": span.end_ns(), "duration_s": span.duration_s(),
+        }))?;
+    } else {
+        let (folder, messages) = (filtered.folder.display(), filtered.messages);
+        say!("{folder}: {}{messages} messages on {} topics", span.text(), filtered.topics)?;
+    }
     Ok(ExitCode::SUCCESS)
 }
 
-/// Writes a bag's topics as CSV, one file for each, into a folder that is empty or not there. `topics`: only these; none: all.
-pub fn export_csv(bag: &Path, folder: &Path, topics: &[String]) -> Result<()> {
-    let bag = open(bag)?;
+fn export(arguments: &ExportArguments) -> Result<ExitCode> {
+    export_csv(&arguments.bag, &arguments.output, &arguments.topics, &mut |written| tell(&written, arguments.json))?;
+    Ok(ExitCode::SUCCESS)
+}
+
+/// Says what was exported.
+pub fn tell(written: &Written, as_json: bool) -> Result<()> {
+    let Written { file, rows, columns } = written;
+    if as_json {
+        output::json(&json!({ "file": file, "rows": rows, "columns": columns }))?;
+    } else {
+        say!("{}: {rows} rows, {columns} columns", file.display())?;
+    }
+    Ok(())
+}
+
+/// Topics that were asked for are there.
+fn check_topics(bag: &Bag, topics: &[String]) -> Result<()> {
     for wanted in topics {
         if bag.topic(wanted).is_none() {
             let known: Vec<&str> = bag.topics().iter().map(|topic| topic.name.as_str()).collect();
             bail!("there is no topic '{wanted}' in {}; it has {}", bag.path().display(), known.join(", "));
         }
     }
-    std::fs::create_dir_all(folder).with_context(|| format!("cannot make the folder {}", folder.display()))?;
-    if std::fs::read_dir(folder)?.next().is_some() {
-        bail!("{} is not empty; nothing was written; choose another folder", folder.display());
-    }
-    let mut definitions = Vec::new();
-    for topic in bag.topics() {
-        let wanted = topics.is_empty() || topics.contains(&topic.name);
-        definitions.push(match topic.parsed_definition() {
-            _ if !wanted => None,
-            Ok(definition) => Some(definition),
-            // Asked for by name it is an error, else a topic that cannot be written.
-            Err(error) if !topics.is_empty() => return Err(error.into()),
-            Err(error) => {
-                println!("  left out: {error}");
-                None
-            }
-        });
-    }
-    // Once for the columns, because a list may be longer in a later message, and once for the rows.
-    let mut columns: BTreeMap<usize, Columns> = BTreeMap::new();
-    for message in bag.messages()? {
-        let message = message?;
-        let Some(definition) = &definitions[message.topic] else { continue };
-        let value =
-            decode(definition, &message.data).with_context(|| format!("topic {}", bag.topics()[message.topic].name))?;
-        columns.entry(message.topic).or_default().take(&value);
-    }
-    let mut tables: BTreeMap<usize, Table> = BTreeMap::new();
-    for (topic, columns) in columns {
-        tables.insert(topic, Table::begin(folder, &bag.topics()[topic].name, columns)?);
-    }
-    for message in bag.messages()? {
-        let message = message?;
-        let (Some(definition), Some(table)) = (&definitions[message.topic], tables.get_mut(&message.topic)) else {
-            continue;
-        };
-        table.row(message.stamp_ns, &decode(definition, &message.data)?)?;
-    }
-    for table in tables.values_mut() {
-        table.file.flush().with_context(|| format!("cannot write {}", table.path.display()))?;
-        println!("{}: {} rows, {} columns", table.path.display(), table.rows, table.columns.0.len() + 1);
-    }
     Ok(())
 }
 
-/// Names of the columns, in the order of the message's fields.
-#[derive(Default)]
-struct Columns(Vec<String>);
+/// From the first to the last message, where there is one.
+#[derive(Clone, Copy)]
+struct Span(Option<(u64, u64)>);
 
-impl Columns {
-    /// Adds what the message has and no one before it had: each after the value that stands before it in the message.
-    fn take(&mut self, value: &Value) {
-        let mut place = 0;
-        value.for_each_leaf(&mut |name, _| {
-            // Most messages have the columns that are known, in their order.
-            place = match self.0[place..].iter().position(|known| known == name) {
-                Some(ahead) => place + ahead + 1,
-                None => {
-                    self.0.insert(place, name.to_owned());
-                    place + 1
-                }
-            };
-        });
-    }
-}
-
-impl Table {
-    fn begin(folder: &Path, topic: &str, columns: Columns) -> Result<Table> {
-        let path = folder.join(format!("{}.csv", topic.trim_matches('/').replace('/', "__")));
-        let file = std::fs::File::create_new(&path).with_context(|| format!("cannot write {}", path.display()))?;
-        let mut table = Table { file: BufWriter::new(file), path, columns, rows: 0 };
-        let head: Vec<String> = table.columns.0.iter().map(|name| quoted(name)).collect();
-        table.line(&format!("stamp_ns,{}", head.join(",")))?;
-        Ok(table)
+impl Span {
+    fn start_ns(self) -> Option<u64> {
+        self.0.map(|(start, _)| start)
     }
 
-    /// Columns that this message has no value for stay empty.
-    fn row(&mut self, stamp_ns: u64, value: &Value) -> Result<()> {
-        let mut line = stamp_ns.to_string();
-        let mut place = 0;
-        value.for_each_leaf(&mut |name, leaf| {
-            while self.columns.0[place] != name {
-                line.push(',');
-                place += 1;
-            }
-            line.push(',');
-            line.push_str(&cell(leaf));
-            place += 1;
-        });
-        line.extend(std::iter::repeat_n(',', self.columns.0.len() - place));
-        self.rows += 1;
-        self.line(&line)
+    fn end_ns(self) -> Option<u64> {
+        self.0.map(|(_, end)| end)
     }
 
-    fn line(&mut self, text: &str) -> Result<()> {
-        writeln!(self.file, "{text}").with_context(|| format!("cannot write {}", self.path.display()))
+    fn duration_s(self) -> Option<f64> {
+        self.0.map(|(start, end)| (end - start) as f64 * 1e-9)
     }
-}
 
-fn cell(value: &Value) -> String {
-    match value {
-        Value::Bool(value) => u8::from(*value).to_string(),
-        Value::Integer(value) => value.to_string(),
-        Value::Unsigned(value) => value.to_string(),
-        // The shortest text that reads back as the same number.
-        Value::Number(value) => format!("{value:?}"),
-        Value::Text(text) => quoted(text),
-        Value::List(_) | Value::Fields(_) => String::new(),
-    }
-}
-
-fn quoted(text: &str) -> String {
-    if text.contains([',', '"', '\n', '\r']) { format!("\"{}\"", text.replace('"', "\"\"")) } else { text.to_owned() }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn columns_of_lists_that_grow_keep_the_order_of_the_fields() {
-        let list = |values: &[i64]| Value::List(values.iter().map(|value| Value::Integer(*value)).collect());
-        let message = |a: &[i64], b: &[i64]| Value::Fields(vec![("a".into(), list(a)), ("b".into(), list(b))]);
-        let messages = [message(&[], &[1]), message(&[2, 3], &[4]), message(&[5], &[6, 7]), message(&[], &[])];
-        let mut columns = Columns::default();
-        messages.iter().for_each(|message| columns.take(message));
-        assert_eq!(columns.0, ["a[0]", "a[1]", "b[0]", "b[1]"]);
-        let folder = tempfile::tempdir().unwrap();
-        let mut table = Table::begin(folder.path(), "/some/topic", columns).unwrap();
-        for (stamp, message) in messages.iter().enumerate() {
-            table.row(stamp as u64, message).unwrap();
-        }
-        table.file.flush().unwrap();
-        let text = std::fs::read_to_string(folder.path().join("some__topic.csv")).unwrap();
-        assert_eq!(text, "stamp_ns,a[0],a[1],b[0],b[1]\n0,,,1,\n1,2,3,4,\n2,5,,6,7\n3,,,,\n");
+    fn text(self) -> String {
+        let Some((start, _)) = self.0 else { return String::new() };
+        let duration_s = self.duration_s().unwrap_or_default();
+        format!("{duration_s:.3} s from {:.3} s, ", start as f64 * 1e-9)
     }
 }

@@ -4,7 +4,9 @@ mod drives;
 mod interface;
 mod machine;
 
-use crate::robots::RobotArguments;
+use crate::output;
+use crate::progress::Progress;
+use crate::robots::{self, RobotArguments};
 use anyhow::{Context, Result};
 use joint_bus::can::CanLink;
 use joint_bus::{BusConfig, DriveBus};
@@ -41,6 +43,9 @@ pub struct Arguments {
     /// SCHED_FIFO priority that the controller will ask for
     #[arg(long, default_value_t = 80, value_parser = clap::value_parser!(u8).range(1..=99))]
     priority: u8,
+    /// Print one JSON object
+    #[arg(long)]
+    json: bool,
     #[command(flatten)]
     robot: RobotArguments,
 }
@@ -75,17 +80,28 @@ fn failure(what: impl Into<String>, cure: impl Into<String>) -> Finding {
 }
 
 impl Finding {
-    fn print(&self) {
+    fn json(&self) -> serde_json::Value {
+        let verdict = match self.verdict {
+            Verdict::Good => "good",
+            Verdict::Warning => "warning",
+            Verdict::Failure => "failure",
+        };
+        let cure = (!self.cure.is_empty()).then_some(&self.cure);
+        serde_json::json!({ "verdict": verdict, "what": self.what, "cure": cure })
+    }
+
+    fn print(&self) -> Result<()> {
         let word = match self.verdict {
             Verdict::Good => "good",
             Verdict::Warning => "WARNING",
             Verdict::Failure => "FAILURE",
         };
         // Names of other nodes, topics and types are in it.
-        println!("{word:8} {}", printable(&self.what, SENTENCE_CHARS));
+        say!("{word:8} {}", printable(&self.what, SENTENCE_CHARS))?;
         if !self.cure.is_empty() {
-            println!("         -> {}", printable(&self.cure, SENTENCE_CHARS));
+            say!("         -> {}", printable(&self.cure, SENTENCE_CHARS))?;
         }
+        Ok(())
     }
 }
 
@@ -96,23 +112,31 @@ pub fn run(arguments: &Arguments) -> Result<ExitCode> {
         "--seconds is {}, expected 0.1 to 600",
         arguments.seconds
     );
+    let progress = Progress::begin("listening to the drives");
     let findings = examine(arguments)?;
-    for finding in &findings {
-        finding.print();
-    }
+    drop(progress);
     let count = |verdict| findings.iter().filter(|finding| finding.verdict == verdict).count();
     let (failures, warnings) = (count(Verdict::Failure), count(Verdict::Warning));
-    println!("{failures} failures, {warnings} warnings in {} findings", findings.len());
-    if failures > 0 {
-        println!("do not arm this robot");
+    let code = if failures == 0 { ExitCode::SUCCESS } else { ExitCode::FAILURE };
+    if arguments.json {
+        let told: Vec<_> = findings.iter().map(Finding::json).collect();
+        output::json(&serde_json::json!({ "findings": told, "failures": failures, "warnings": warnings }))?;
+        return Ok(code);
     }
-    Ok(if failures == 0 { ExitCode::SUCCESS } else { ExitCode::FAILURE })
+    for finding in &findings {
+        finding.print()?;
+    }
+    say!("{failures} failures, {warnings} warnings in {} findings", findings.len())?;
+    if failures > 0 {
+        say!("do not arm this robot")?;
+    }
+    Ok(code)
 }
 
 fn examine(arguments: &Arguments) -> Result<Vec<Finding>> {
     let robot = arguments.robot.load()?;
     let config = control::Config::for_robot(&robot);
-    let file = &arguments.bus;
+    let file = &robots::file(&arguments.bus);
     let text = std::fs::read_to_string(file).with_context(|| format!("cannot read {}", file.display()))?;
     let bus = BusConfig::from_toml_str(&text, &robot.name, &config.joint_names)
         .with_context(|| file.display().to_string())?;

@@ -1,7 +1,8 @@
 //! `tandem library`: many gaits solved ahead of time.
 
-use crate::plan::write;
-use crate::robots::RobotArguments;
+use crate::output;
+use crate::progress::Progress;
+use crate::robots::{self, RobotArguments};
 use anyhow::{Context, Result, bail};
 use gait_design::library::{Axis, Entry, Field, Grid, Library};
 use gait_design::{GaitRequest, PlanOptions};
@@ -50,6 +51,9 @@ struct SolveArguments {
     /// Solve on so many threads instead of one a core
     #[arg(long, value_name = "N")]
     threads: Option<usize>,
+    /// Print one JSON object
+    #[arg(long)]
+    json: bool,
     #[command(flatten)]
     robot: RobotArguments,
 }
@@ -59,6 +63,9 @@ struct SolveArguments {
 struct ShowArguments {
     /// The library's file
     file: PathBuf,
+    /// Print one JSON object
+    #[arg(long)]
+    json: bool,
     #[command(flatten)]
     robot: RobotArguments,
 }
@@ -74,9 +81,12 @@ struct GaitArguments {
     /// Solve from the interpolated gait, so that it breaks no constraint
     #[arg(long)]
     solve: bool,
-    /// Where to write the gait file
+    /// Where to write the gait file, `-` for standard output
     #[arg(short, long, value_name = "FILE")]
     output: Option<PathBuf>,
+    /// Print one JSON object
+    #[arg(long)]
+    json: bool,
     #[command(flatten)]
     robot: RobotArguments,
 }
@@ -126,6 +136,7 @@ pub fn run(arguments: &Arguments) -> Result<ExitCode> {
 }
 
 fn read(file: &Path) -> Result<String> {
+    let file = &robots::file(file);
     std::fs::read_to_string(file).with_context(|| format!("cannot read {}", file.display()))
 }
 
@@ -153,7 +164,7 @@ fn solve(arguments: &SolveArguments) -> Result<()> {
     }
     let (all, before) = (library.grid().points(), library.missing());
     if before < all {
-        println!("{} of {all} gaits are in {} already", all - before, named());
+        note!("{} of {all} gaits are in {} already", all - before, named());
     }
     let threads = match arguments.threads {
         Some(0) => bail!("--threads is 0, expected at least 1"),
@@ -209,13 +220,12 @@ fn solve(arguments: &SolveArguments) -> Result<()> {
     }
     drop(out);
     // In the grid's order, so that the file does not tell which thread was faster.
-    write(file, &library.to_text())?;
-    println!("solved {} gaits in {:.2} s on {threads} threads", before, start.elapsed().as_secs_f64());
-    describe(&library, file);
-    Ok(())
+    output::write_file(file, library.to_text().as_bytes())?;
+    note!("solved {} gaits in {:.2} s on {threads} threads", before, start.elapsed().as_secs_f64());
+    describe(&library, file, arguments.json)
 }
 
-fn describe(library: &Library, file: &Path) {
+fn describe(library: &Library, file: &Path, as_json: bool) -> Result<()> {
     let (mut gaits, mut iterations, mut refused) = (0, 0, Vec::new());
     for (index, entry) in library.entries().iter().enumerate() {
         match entry {
@@ -227,33 +237,50 @@ fn describe(library: &Library, file: &Path) {
             None => {}
         }
     }
-    println!("{}: {gaits} gaits, {:.1} iterations each", file.display(), iterations as f64 / f64::from(gaits.max(1)));
+    if as_json {
+        let axes = library.grid().axes().iter().map(|axis| {
+            serde_json::json!({
+                "field": axis.field.name(), "values": axis.values.len(), "from": axis.values.first(), "to": axis.values.last(),
+            })
+        });
+        let refused = refused.iter().map(|(index, why)| {
+            let r = library.grid().request(*index);
+            serde_json::json!({
+                "clearance_m": r.clearance_m, "speed_m_s": r.speed_m_s, "step_duration_s": r.step_duration_s, "why": why,
+            })
+        });
+        let each = (gaits > 0).then(|| iterations as f64 / f64::from(gaits));
+        output::json(&serde_json::json!({
+            "file": file, "gaits": gaits, "missing": library.missing(), "iterations_each": each,
+            "axes": axes.collect::<Vec<_>>(), "refused": refused.collect::<Vec<_>>(),
+        }))?;
+        return Ok(());
+    }
+    say!("{}: {gaits} gaits, {:.1} iterations each", file.display(), iterations as f64 / f64::from(gaits.max(1)))?;
     for axis in library.grid().axes() {
         let (first, last) = (axis.values[0], axis.values[axis.values.len() - 1]);
-        println!("  {:16} {} values from {first} to {last}", axis.field.name(), axis.values.len());
+        say!("  {:16} {} values from {first} to {last}", axis.field.name(), axis.values.len())?;
     }
     const SHOWN: usize = 5;
     for (index, why) in refused.iter().take(SHOWN) {
         let r = library.grid().request(*index);
-        println!(
-            "  refused: clearance {} m, speed {} m/s, T {} s: {why}",
-            r.clearance_m, r.speed_m_s, r.step_duration_s
-        );
+        say!("  refused: clearance {} m, speed {} m/s, T {} s: {why}", r.clearance_m, r.speed_m_s, r.step_duration_s)?;
     }
     if refused.len() > SHOWN {
-        println!("  and {} more refused", refused.len() - SHOWN);
+        say!("  and {} more refused", refused.len() - SHOWN)?;
     }
+    Ok(())
 }
 
 fn show(arguments: &ShowArguments) -> Result<()> {
     let robot = arguments.robot.load()?;
     let library =
         Library::from_text(&read(&arguments.file)?, &robot).with_context(|| arguments.file.display().to_string())?;
-    describe(&library, &arguments.file);
-    Ok(())
+    describe(&library, &arguments.file, arguments.json)
 }
 
 fn gait(arguments: &GaitArguments) -> Result<()> {
+    output::reserve(arguments.output.as_deref());
     let robot = arguments.robot.load()?;
     let library =
         Library::from_text(&read(&arguments.file)?, &robot).with_context(|| arguments.file.display().to_string())?;
@@ -262,28 +289,38 @@ fn gait(arguments: &GaitArguments) -> Result<()> {
         field.set(&mut request, value);
     }
     let found = library.find(&robot, &request)?;
-    println!(
-        "{} from {} of the library's gaits: the most broken constraint is {} (by {:.1e})",
-        found.gait.solver.status,
-        found.neighbours.len(),
-        found.violation.name,
-        found.violation.amount
-    );
+    let (status, neighbours) = (found.gait.solver.status.clone(), found.neighbours.len());
+    if !arguments.json {
+        say!(
+            "{status} from {neighbours} of the library's gaits: the most broken constraint is {} (by {:.1e})",
+            found.violation.name,
+            found.violation.amount
+        )?;
+    }
     let mut gait = found.gait;
     if arguments.solve {
+        let progress = Progress::begin("solving");
         let start = Instant::now();
         let options = PlanOptions { warm_start: Some(found.warm_start), ..PlanOptions::default() };
         gait = gait_design::plan(&robot, &request, &options, |_| ControlFlow::Continue(()))?.gait;
         gait.solver.solve_time_s = start.elapsed().as_secs_f64();
-        println!(
-            "solved from there in {} iterations, {:.1} ms",
-            gait.solver.iterations,
-            1e3 * gait.solver.solve_time_s
-        );
+        drop(progress);
+        if !arguments.json {
+            let time_ms = 1e3 * gait.solver.solve_time_s;
+            say!("solved from there in {} iterations, {time_ms:.1} ms", gait.solver.iterations)?;
+        }
     }
     if let Some(file) = &arguments.output {
-        write(file, &gait.to_json())?;
-        println!("{}", file.display());
+        output::write_file(file, gait.to_json().as_bytes())?;
+    }
+    if arguments.json {
+        output::json(&serde_json::json!({
+            "gait": gait.name, "status": status, "neighbours": neighbours, "violation": found.violation.amount,
+            "violated": found.violation.name, "iterations": arguments.solve.then_some(gait.solver.iterations),
+            "solve_time_s": arguments.solve.then_some(gait.solver.solve_time_s), "file": arguments.output,
+        }))?;
+    } else if let Some(file) = &arguments.output {
+        say!("{}", output::shown(file))?;
     }
     Ok(())
 }

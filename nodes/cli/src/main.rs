@@ -1,18 +1,24 @@
 //! `tandem`: plan gaits, simulate them, look at what happened — without ROS, DDS or a robot; and walk them with the nodes.
 
+#[macro_use]
+mod output;
+
 mod bag;
 mod doctor;
+mod interrupt;
 mod library;
 mod plan;
+mod progress;
 mod report;
 mod robot;
 mod robots;
+mod shell;
 mod show;
 mod simulate;
 mod stop_button;
 mod walk;
 
-use clap::{Parser, Subcommand};
+use clap::{CommandFactory, Parser, Subcommand};
 use std::process::ExitCode;
 
 /// Plan a quadruped's gait as two bipeds walking in tandem, and walk it in simulation.
@@ -41,10 +47,15 @@ enum Command {
     Robot(robot::Arguments),
     Doctor(doctor::Arguments),
     StopButton(stop_button::Arguments),
+    Completions(shell::CompletionsArguments),
+    Man(shell::ManArguments),
 }
 
 fn main() -> ExitCode {
-    let arguments = Arguments::parse();
+    let arguments = match Arguments::try_parse() {
+        Ok(arguments) => arguments,
+        Err(said) => return output::answer(&said),
+    };
     let result = match arguments.command {
         Command::Plan(a) => plan::run(&a),
         Command::Library(a) => library::run(&a),
@@ -56,13 +67,8 @@ fn main() -> ExitCode {
         Command::Robot(a) => robot::run(&a),
         Command::Doctor(a) => doctor::run(&a),
         Command::StopButton(a) => stop_button::run(&a),
+        Command::Completions(a) => shell::completions(&a, &mut Arguments::command()),
+        Command::Man(a) => shell::man(&a, Arguments::command()),
     };
-    match result {
-        Ok(code) => code,
-        Err(e) => {
-            // It may repeat what others answered; one line, whatever stands in it.
-            eprintln!("tandem: {}", tandem_msgs::text::printable(&format!("{e:#}"), 4000));
-            ExitCode::FAILURE
-        }
-    }
+    result.unwrap_or_else(|error| output::failed(&error))
 }

@@ -1,7 +1,9 @@
 //! `tandem report`: recordings as a page, as pictures, or both.
 
+use crate::output;
+use crate::progress::Progress;
 use crate::robots::RobotArguments;
-use anyhow::{Context, Result, bail};
+use anyhow::{Result, bail};
 use replay::{BehaviourRun, read_run, skeleton};
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
@@ -22,18 +24,21 @@ pub struct Arguments {
     /// Bags: folders, or .mcap or .db3 files
     #[arg(required = true, value_name = "BAG")]
     bags: Vec<PathBuf>,
-    /// The page [default: report.html, unless --png or --csv is given]
+    /// The page, `-` for standard output [default: report.html, unless --png or --csv is given]
     #[arg(short, long, value_name = "FILE")]
     output: Option<PathBuf>,
     /// Write pictures (PNG) into this folder; with several bags, into one folder for each in it
-    #[arg(long, value_name = "FOLDER")]
+    #[arg(long, value_name = "FOLDER", value_parser = output::folder)]
     png: Option<PathBuf>,
     /// Write every topic as a CSV file into this folder; with several bags, into one folder for each in it
-    #[arg(long, value_name = "FOLDER")]
+    #[arg(long, value_name = "FOLDER", value_parser = output::folder)]
     csv: Option<PathBuf>,
     /// Samples come from a robot: drawn in cyan, as the paper's experiments
     #[arg(long)]
     recorded: bool,
+    /// Print one JSON object for each file that is written
+    #[arg(long)]
+    json: bool,
     /// Leave out the tiles that MuJoCo renders
     #[arg(long)]
     no_tiles: bool,
@@ -43,6 +48,8 @@ pub struct Arguments {
 
 /// Runs the subcommand.
 pub fn run(arguments: &Arguments) -> Result<ExitCode> {
+    output::reserve(arguments.output.as_deref());
+    let progress = Progress::begin("drawing");
     let runs = arguments.bags.iter().map(read_run).collect::<Result<Vec<_>, _>>()?;
     let labels = labels(&arguments.bags);
     let mut tiles = Vec::new();
@@ -50,10 +57,10 @@ pub fn run(arguments: &Arguments) -> Result<ExitCode> {
         tiles.push(if arguments.no_tiles {
             Vec::new()
         } else {
-            render_tiles(arguments, run).unwrap_or_else(|problem| {
-                println!("{label}: no tiles: {problem:#}");
-                Vec::new()
-            })
+            render_tiles(arguments, run).or_else(|problem| {
+                said(arguments, &format!("{label}: no tiles: {problem:#}"))?;
+                anyhow::Ok(Vec::new())
+            })?
         });
     }
     if let Some(folder) = &arguments.png {
@@ -65,7 +72,7 @@ pub fn run(arguments: &Arguments) -> Result<ExitCode> {
     if let Some(folder) = &arguments.csv {
         for (bag, label) in arguments.bags.iter().zip(&labels) {
             let folder = if runs.len() == 1 { folder.clone() } else { folder.join(label) };
-            crate::bag::export_csv(bag, &folder, &[])?;
+            crate::bag::export_csv(bag, &folder, &[], &mut |written| crate::bag::tell(&written, arguments.json))?;
         }
     }
     let page = match &arguments.output {
@@ -77,7 +84,7 @@ pub fn run(arguments: &Arguments) -> Result<ExitCode> {
     for ((run, label), tiles) in runs.iter().zip(&labels).zip(&tiles) {
         let shape = skeleton(run);
         if let Err(problem) = &shape {
-            println!("{label}: no animation: {problem}");
+            said(arguments, &format!("{label}: no animation: {problem}"))?;
         }
         let caption = run.gait.as_ref().map_or(label.as_str(), |gait| gait.name.as_str());
         let tiles_png = if tiles.is_empty() { None } else { Some(::report::tile_strip(caption, tiles)?.to_png()?) };
@@ -100,9 +107,24 @@ pub fn run(arguments: &Arguments) -> Result<ExitCode> {
     }
     let title = format!("Tandem: {}", labels.join(", "));
     let html = ::report::page(&title, &page_runs)?;
-    std::fs::write(&page, &html).with_context(|| format!("cannot write {}", page.display()))?;
-    println!("{}: {:.1} MB", page.display(), html.len() as f64 * 1e-6);
+    output::write_file(&page, html.as_bytes())?;
+    drop(progress);
+    if arguments.json {
+        output::json(&serde_json::json!({ "file": page, "bytes": html.len() }))?;
+    } else {
+        say!("{}: {:.1} MB", output::shown(&page), html.len() as f64 * 1e-6)?;
+    }
     Ok(ExitCode::SUCCESS)
+}
+
+/// A remark: beside JSON objects on standard error.
+fn said(arguments: &Arguments, words: &str) -> Result<()> {
+    if arguments.json {
+        note!("{words}")
+    } else {
+        say!("{words}")?
+    }
+    Ok(())
 }
 
 /// The bags' own names; as much of their paths as it takes to tell them apart.
@@ -151,7 +173,11 @@ fn pictures(arguments: &Arguments, run: &BehaviourRun, tiles: &[::report::Tile],
     let walked = &run.samples[..run.samples.partition_point(|sample| sample.time_s <= run.walking_to_s)];
     let drawn = ::report::Run { gait, origin, samples: walked, walking_from_s: run.walking_from_s, tiles };
     for file in ::report::render_run(folder, &drawn)? {
-        println!("{}", file.display());
+        if arguments.json {
+            output::json(&serde_json::json!({ "file": file }))?;
+        } else {
+            say!("{}", file.display())?;
+        }
     }
     Ok(())
 }

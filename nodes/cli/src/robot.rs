@@ -1,5 +1,6 @@
 //! `tandem robot`: a robot's folder from its URDF, and a look at one.
 
+use crate::output;
 use crate::robots;
 use ::robot::Robot;
 use anyhow::{Context, Result, bail};
@@ -29,7 +30,7 @@ enum Command {
         /// URDF of a robot with four legs of three joints; xacro must be expanded
         file: PathBuf,
         /// Folder to write; without it, one of the robot's name here
-        #[arg(short, long, value_name = "FOLDER")]
+        #[arg(short, long, value_name = "FOLDER", value_parser = output::folder)]
         output: Option<PathBuf>,
         /// The robot's name; without it, the URDF's
         #[arg(long, value_name = "NAME")]
@@ -43,9 +44,12 @@ enum Command {
         /// Name of a folder in config/robots, or the path of one
         #[arg(default_value = "vision60", value_name = "NAME|FOLDER")]
         robot: String,
-        /// Draw the standing robot (PNG)
+        /// Draw the standing robot (PNG); `-` is standard output
         #[arg(long, value_name = "FILE")]
         picture: Option<PathBuf>,
+        /// Print one JSON object
+        #[arg(long)]
+        json: bool,
     },
 }
 
@@ -53,18 +57,44 @@ enum Command {
 pub fn run(arguments: &Arguments) -> Result<ExitCode> {
     match &arguments.command {
         Command::Init { file, output, name, force } => init(file, output.as_deref(), name.as_deref(), *force)?,
-        Command::Check { robot, picture } => {
-            let folder = robots::folder(robot);
-            let robot = Robot::load(&folder).with_context(|| format!("robot \"{robot}\""))?;
-            let mut simulator = simulator(&robot)?;
-            print!("{}", summary(&robot, &simulator));
-            if let Some(file) = picture {
-                draw(&mut simulator, file)?;
-                println!("  wrote {}", file.display());
-            }
-        }
+        Command::Check { robot, picture, json } => check(robot, picture.as_deref(), *json)?,
     }
     Ok(ExitCode::SUCCESS)
+}
+
+fn check(name: &str, picture: Option<&Path>, as_json: bool) -> Result<()> {
+    output::reserve(picture);
+    let folder = robots::folder(name);
+    let robot = Robot::load(&folder).with_context(|| format!("robot \"{name}\""))?;
+    let mut simulator = simulator(&robot)?;
+    if as_json {
+        output::json(&facts(&robot, &simulator, picture))?;
+    } else {
+        output::part(format_args!("{}", summary(&robot, &simulator)))?;
+    }
+    if let Some(file) = picture {
+        draw(&mut simulator, file)?;
+        if !as_json {
+            say!("  wrote {}", output::shown(file))?;
+        }
+    }
+    Ok(())
+}
+
+fn facts(robot: &Robot, simulator: &Simulator, picture: Option<&Path>) -> serde_json::Value {
+    let legs = robot.legs.iter().map(|leg| {
+        serde_json::json!({
+            "name": leg.name, "joints": leg.joints, "toe": robot.model.frame_name(leg.toe), "stand_rad": leg.stand_rad,
+        })
+    });
+    let limits = &robot.limits;
+    serde_json::json!({
+        "robot": robot.name, "mass_kg": robot.model.total_mass(), "height_m": robot.nominal.height_m,
+        "half_width_m": robot.nominal.half_width_m, "legs": legs.collect::<Vec<_>>(),
+        "drive_torque_nm": limits.drive_torque_nm, "plan_torque_nm": limits.plan_torque_nm,
+        "velocity_rad_s": limits.velocity_rad_s,
+        "notes": robot.notes.iter().chain(simulator.notes()).collect::<Vec<_>>(), "picture": picture,
+    })
 }
 
 fn init(file: &Path, output: Option<&Path>, name: Option<&str>, force: bool) -> Result<()> {
@@ -82,20 +112,20 @@ fn init(file: &Path, output: Option<&Path>, name: Option<&str>, force: bool) -> 
         bail!("{} exists: give --force to replace it, or another folder with -o", toml.display());
     }
     std::fs::create_dir_all(&folder).with_context(|| format!("cannot make the folder {}", folder.display()))?;
-    crate::plan::write(&folder.join(format!("{name}.urdf")), &urdf)?;
-    crate::plan::write(&toml, &proposal.toml)?;
+    output::write_file(&folder.join(format!("{name}.urdf")), urdf.as_bytes())?;
+    output::write_file(&toml, proposal.toml.as_bytes())?;
     let robot = Robot::load(&folder)?;
     let mut simulator = simulator(&robot)?;
-    print!("{}", summary(&robot, &simulator));
-    println!("  wrote {}", folder.display());
+    output::part(format_args!("{}", summary(&robot, &simulator)))?;
+    say!("  wrote {}", folder.display())?;
     let picture = folder.join("standing.png");
     match draw(&mut simulator, &picture) {
-        Ok(()) => println!("  wrote {}", picture.display()),
-        Err(problem) => println!("  {problem}"),
+        Ok(()) => say!("  wrote {}", picture.display())?,
+        Err(problem) => say!("  {problem}")?,
     }
-    println!("Look at:");
+    say!("Look at:")?;
     for line in converted.iter().chain(&proposal.look_at) {
-        println!("  {line}");
+        say!("  {line}")?;
     }
     Ok(())
 }
@@ -126,8 +156,8 @@ fn simulator(robot: &Robot) -> Result<Simulator> {
 fn draw(simulator: &mut Simulator, file: &Path) -> Result<()> {
     let (width, height) = PICTURE;
     let mut renderer = Renderer::new(simulator, width, height)?;
-    renderer.draw(simulator, Camera::ThreeQuarter)?.write_png(file)?;
-    Ok(())
+    let picture = renderer.draw(simulator, Camera::ThreeQuarter)?.to_png()?;
+    output::write_file(file, &picture)
 }
 
 fn summary(robot: &Robot, simulator: &Simulator) -> String {

@@ -18,19 +18,31 @@ impl RobotArguments {
         let folder = folder(&self.robot);
         let robot = Robot::load(&folder).with_context(|| format!("robot \"{}\"", self.robot))?;
         for note in &robot.notes {
-            eprintln!("tandem: robot \"{}\": {note}", self.robot);
+            note!("tandem: robot \"{}\": {note}", self.robot);
         }
         Ok(robot)
     }
 }
 
-/// A path as it is; a bare name in the configuration folder: `TANDEM_CONFIG`, or `config` here or above the program.
+/// A file that is read: as it is given or, where it is not there, below `TANDEM_CONFIG`'s folder (for what begins with
+/// `config/`) or a folder above the program. The same for every option that names one.
+pub fn file(given: &Path) -> PathBuf {
+    if given.exists() || given.is_absolute() {
+        return given.into();
+    }
+    let config = std::env::var_os("TANDEM_CONFIG");
+    let chosen = config.zip(given.strip_prefix("config").ok()).map(|(config, rest)| Path::new(&config).join(rest));
+    // Where none exists, opening the given one gives the error that a person expects.
+    chosen.filter(|file| file.exists()).or_else(|| ros::find(given).ok()).unwrap_or_else(|| given.into())
+}
+
+/// A path, searched as every file; a bare name in the configuration folder: `TANDEM_CONFIG`, or `config` here or above
+/// the program.
 pub fn folder(robot: &str) -> PathBuf {
     if robot.contains('/') || Path::new(robot).join("robot.toml").exists() {
-        return robot.into();
+        return file(Path::new(robot));
     }
     let chosen = std::env::var_os("TANDEM_CONFIG").map(|config| Path::new(&config).join("robots").join(robot));
-    let usual = Path::new("config/robots").join(robot);
-    // Where none exists, opening the usual one gives the error that a person expects.
-    chosen.filter(|folder| folder.join("robot.toml").exists()).or_else(|| ros::find(&usual).ok()).unwrap_or(usual)
+    let chosen = chosen.filter(|folder| folder.join("robot.toml").exists());
+    chosen.unwrap_or_else(|| file(&Path::new("config/robots").join(robot)))
 }

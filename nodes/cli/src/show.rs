@@ -81,7 +81,7 @@ pub fn run(arguments: &Arguments) -> Result<ExitCode> {
     let markers = node.publisher::<MarkerArray>("markers", Qos::reliable(10))?;
     let description = node.publisher::<std_msgs::String>("robot_description", Qos::latched())?;
     description.publish(std_msgs::String { data: shapes.robot.urdf.clone() })?;
-    println!("publishing /tf, markers and robot_description; Ctrl-C ends it");
+    say!("publishing /tf, markers and robot_description; Ctrl-C ends it")?;
     let period = Duration::from_secs_f64(1.0 / arguments.rate);
     let mut failures = 0_u64;
     while !node.stop().is_requested() {
@@ -92,7 +92,7 @@ pub fn run(arguments: &Arguments) -> Result<ExitCode> {
             if let Err(error) = sent {
                 failures += 1;
                 if failures.is_power_of_two() {
-                    eprintln!("{failures} messages not published; the last: {error}");
+                    note!("{failures} messages not published; the last: {error}");
                 }
             }
         }
@@ -134,14 +134,14 @@ fn listen(node: &Node, heard: &Arc<Mutex<Heard>>, robot: &Robot) -> Result<()> {
         Ok(gait) => heard.gait = Some(gait),
         Err(error) => {
             let line = format!("gait \"{}\" is not shown: {error}", message.name);
-            eprintln!("{}", printable(&line, SENTENCE_CHARS));
+            note!("{}", printable(&line, SENTENCE_CHARS));
         }
     })?;
     // In a bag the gait is a file's text.
     hear(node, "gait_file", Qos::latched(), heard, |heard, message: std_msgs::String| {
         match Gait::from_json(&message.data) {
             Ok(gait) => heard.gait = Some(gait),
-            Err(error) => eprintln!("the gait is not shown: {}", printable(&error.to_string(), SENTENCE_CHARS)),
+            Err(error) => note!("the gait is not shown: {}", printable(&error.to_string(), SENTENCE_CHARS)),
         }
     })?;
     Ok(())

@@ -1,12 +1,18 @@
 //! `tandem simulate`: a gait file walks in MuJoCo, without ROS.
 
-use crate::robots::RobotArguments;
+mod told;
+
+use crate::interrupt::Interrupt;
+use crate::output;
+use crate::progress::Progress;
+use crate::robots::{self, RobotArguments};
 use anyhow::{Context, Result, bail};
 use control::DriveMode;
 use gait::Gait;
 use joint_bus::{BusConfig, DriveModel};
 use replay::{BodySample, ReplayError, RunInfo, RunRecorder};
 use robot::Robot;
+use std::ops::ControlFlow;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 use std::time::{Duration, Instant};
@@ -16,14 +22,16 @@ use tandem_sim_bridge::walk::{self, Cycle, Drives, End, Start, Walk, WalkOptions
 
 /// Walk gait files in MuJoCo under the controller's own step
 ///
-/// The robot starts in the gait's initial state and the paper's PD law tracks the gait, mirrored at every step, with the
-/// robot's drives limited to what they can give. Says whether it stayed up, and its speed, drift and torques beside the
-/// paper's Table II. Ends with an error code if a robot fell. One seed gives one trajectory, to the bit.
+/// The robot starts in the gait's initial state and the paper's PD law tracks the gait, mirrored at every step, with
+/// the robot's drives limited to what they can give. Says whether it stayed up, and its speed, drift and torques beside
+/// the paper's Table II. Ends with an error code if a robot fell. Ctrl-C ends it at once, with everything that was
+/// simulated in the bag and told of. One seed gives one trajectory, to the bit.
 ///
 ///   tandem simulate amble.json
 ///   tandem simulate amble.json --noise 0.03 --seed 4
 ///   tandem simulate gaits/*.json --seconds 60 --json
-///   tandem simulate amble.json --slope 5 --mu 0.5 --push 3 0.1 0 100
+///   tandem plan amble --slope 5 -o uphill.json
+///   tandem simulate uphill.json --slope 5 --mu 0.5 --push 3 0.1 0 100
 ///   tandem simulate amble.json --start sit --out out/amble
 #[derive(clap::Args)]
 #[command(verbatim_doc_comment)]
@@ -74,10 +82,10 @@ pub struct Arguments {
     #[arg(long, value_name = "S", default_value_t = 1e-3)]
     period: f64,
     /// Write phase portraits, torques, time series, footfalls, tiles and an animation of a stride (PNG) into this folder
-    #[arg(long, value_name = "FOLDER")]
+    #[arg(long, value_name = "FOLDER", value_parser = output::folder)]
     out: Option<PathBuf>,
     /// Record a bag of the run (rosbag2, MCAP) in this folder, for `tandem bag` and `tandem report`
-    #[arg(long, value_name = "FOLDER")]
+    #[arg(long, value_name = "FOLDER", value_parser = output::folder)]
     bag: Option<PathBuf>,
     /// Print one JSON object for each file instead of text
     #[arg(long)]
@@ -102,7 +110,8 @@ pub fn run(arguments: &Arguments) -> Result<ExitCode> {
     let options = arguments.options(&robot)?;
     let mut all_up = true;
     for file in &arguments.files {
-        let text = std::fs::read_to_string(file).with_context(|| format!("cannot read {}", file.display()))?;
+        let found = robots::file(file);
+        let text = std::fs::read_to_string(found).with_context(|| format!("cannot read {}", file.display()))?;
         let gait = Gait::from_json(&text).with_context(|| file.display().to_string())?;
         let folder = |folder: &PathBuf| {
             if arguments.files.len() == 1 { folder.clone() } else { folder.join(file.file_stem().unwrap_or_default()) }
@@ -112,9 +121,13 @@ pub fn run(arguments: &Arguments) -> Result<ExitCode> {
             .with_context(|| file.display().to_string())?;
         all_up &= done.walk.end == End::Upright;
         if arguments.json {
-            println!("{}", done.json(&robot, &gait, &options));
+            output::json(&done.json(&robot, &gait, &options))?;
         } else {
-            print!("{}", done.text(&robot, &gait, &options));
+            output::part(format_args!("{}", done.text(&robot, &gait, &options)))?;
+        }
+        if let Some(code) = done.interrupted {
+            note!("tandem: interrupted; what was simulated until then is whole");
+            return Ok(code);
         }
     }
     Ok(if all_up { ExitCode::SUCCESS } else { ExitCode::FAILURE })
@@ -162,7 +175,8 @@ impl Arguments {
     }
 
     fn drives(&self, robot: &Robot, file: &Path) -> Result<Drives> {
-        let text = std::fs::read_to_string(file).with_context(|| format!("cannot read {}", file.display()))?;
+        let found = robots::file(file);
+        let text = std::fs::read_to_string(found).with_context(|| format!("cannot read {}", file.display()))?;
         let bus = BusConfig::from_toml_str(&text, &robot.name, &robot.joint_names())
             .with_context(|| file.display().to_string())?;
         if !(0.0..=0.015).contains(&self.drive_latency) {
@@ -181,27 +195,44 @@ struct Done {
     files: Vec<PathBuf>,
     /// Why there are no pictures, where some were asked for.
     no_pictures: Vec<String>,
+    /// The code to end with, if a signal ended the walk.
+    interrupted: Option<ExitCode>,
 }
 
 fn simulate(robot: &Robot, gait: &Gait, options: &WalkOptions, out: Option<&Path>, bag: Option<&Path>) -> Result<Done> {
     let begin = Instant::now();
     let mut samples = Vec::new();
     let mut recording = bag.map(|folder| Recording::start(folder, robot, gait, options)).transpose()?;
-    let walk = walk::walk(robot, gait, options, &mut |_, state, cycle| {
+    let progress = Progress::begin(&format!("walking {}", gait.name));
+    let interrupt = Interrupt::watch()?;
+    let walked = walk::walk_until(robot, gait, options, &mut |_, state, cycle| {
         if out.is_some() {
             samples.push(pictures::sample(state));
         }
         if let Some(recording) = &mut recording {
             recording.cycle(state, cycle);
         }
-    })?;
-    let summary = recording.map(Recording::finish).transpose()?;
-    let mut done = Done { walk, wall_s: begin.elapsed().as_secs_f64(), files: Vec::new(), no_pictures: Vec::new() };
+        if cycle.output.cycles.is_multiple_of(500) {
+            progress.say(format!("{:.1} s", state.time_s));
+        }
+        if interrupt.came() { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
+    });
+    // Whatever ended the walk: what was recorded until then becomes a whole bag.
+    let summary = recording.map(Recording::finish).transpose();
+    let interrupted = interrupt.code();
+    drop((interrupt, progress));
+    let (walk, summary) = (walked?, summary?);
+    let mut done =
+        Done { walk, wall_s: begin.elapsed().as_secs_f64(), files: Vec::new(), no_pictures: Vec::new(), interrupted };
     done.files.extend(summary.map(|summary| summary.folder));
     if let Some(folder) = out {
+        let _progress = Progress::begin("drawing");
         std::fs::create_dir_all(folder).with_context(|| format!("cannot make the folder {}", folder.display()))?;
         done.write(folder, "gait.json", gait.to_json().as_bytes())?;
-        done.draw(folder, robot, gait, options, &samples)?;
+        // Who interrupts does not wait for pictures.
+        if done.interrupted.is_none() {
+            done.draw(folder, robot, gait, options, &samples)?;
+        }
     }
     Ok(done)
 }
@@ -262,7 +293,7 @@ impl Recording {
 impl Done {
     fn write(&mut self, folder: &Path, name: &str, bytes: &[u8]) -> Result<()> {
         let file = folder.join(name);
-        std::fs::write(&file, bytes).with_context(|| format!("cannot write {}", file.display()))?;
+        output::write_file(&file, bytes)?;
         self.files.push(file);
         Ok(())
     }
@@ -293,103 +324,5 @@ impl Done {
             Err(problem) => return Err(problem.into()),
         }
         Ok(())
-    }
-
-    fn text(&self, robot: &Robot, gait: &Gait, options: &WalkOptions) -> String {
-        let f = &self.walk.figures;
-        let ground = match options.simulator.terrain {
-            Terrain::Flat => "flat ground".into(),
-            Terrain::Slope { uphill_rad, sideways_rad } => {
-                format!(
-                    "slope {:.1} deg ahead, {:.1} deg to the left",
-                    uphill_rad.to_degrees(),
-                    sideways_rad.to_degrees()
-                )
-            }
-            Terrain::Rough { height_m, .. } => format!("bumps up to {:.0} mm", 1e3 * height_m),
-            Terrain::Steps { rise_m, .. } => format!("stairs of {:.0} mm", 1e3 * rise_m),
-        };
-        let end = match &self.walk.end {
-            End::Upright => "upright to the end".into(),
-            End::Fell { at_s, fall } => format!("FELL at {at_s:.3} s: {fall}"),
-            End::Fault { at_s, fault } => format!("STOPPED at {at_s:.3} s by a fault: {fault}"),
-        };
-        let drives = options.drives.as_ref().map_or(String::new(), |d| {
-            format!("  emulated drives on {} buses, latency {:?}\n", d.bus.interfaces.len(), d.model.latency)
-        });
-        let mut text = format!(
-            "{} on {}: {:.3} s steps, {ground}, friction {}, start noise {} rad, seed {}\n  {end} ({:.1} s)\n",
-            gait.name,
-            robot.name,
-            gait.step_duration_s,
-            options.simulator.friction,
-            options.simulator.joint_noise_rad,
-            options.simulator.seed,
-            f.time_s
-        );
-        text += &drives;
-        text += &format!(
-            "  speed       asked {:.3} m/s, got {:.3} m/s ahead and {:.3} m/s to the left\n",
-            gait.speed_m_s(),
-            f.speed_m_s,
-            f.lateral_speed_m_s
-        );
-        text += &format!(
-            "  went        x {:.2} m, y {:.2} m, turned {:.1} deg\n",
-            f.drift_m[0], f.drift_m[1], f.turned_deg
-        );
-        text += &format!(
-            "  body        {:.3} m above the toes, roll ±{:.2} deg, pitch {:.2} ±{:.2} deg, largest tilt {:.1} deg\n",
-            f.height_m, f.roll_deviation_deg, f.pitch_mean_deg, f.pitch_deviation_deg, f.max_tilt_deg
-        );
-        let row = |name: &str, [roll, pitch, knee]: [f64; 3]| format!("  {name:24}{roll:9.2}{pitch:11.2}{knee:8.2}\n");
-        text += "  mean |torque|, Nm        hip roll  hip pitch    knee\n";
-        text += &row("  here", f.mean_abs_torque_nm.into());
-        if let Some(paper) = ::report::table_two(&robot.name, &gait.name) {
-            text += &row("  Table II, MuJoCo", paper.mujoco_nm);
-            text += &row("  Table II, experiment", paper.experiment_nm);
-        }
-        text += &format!(
-            "  largest torque {:.1} Nm; {:.2} % of samples at the drives' limit\n",
-            f.max_torque_nm,
-            100.0 * f.saturated_share
-        );
-        text += &format!("  {} control cycles in {:.2} s of wall time\n", self.walk.cycles, self.wall_s);
-        for file in &self.files {
-            text += &format!("  wrote {}\n", file.display());
-        }
-        for note in &self.walk.notes {
-            text += &format!("  {note}\n");
-        }
-        for problem in &self.no_pictures {
-            text += &format!("  {problem}\n");
-        }
-        text
-    }
-
-    fn json(&self, robot: &Robot, gait: &Gait, options: &WalkOptions) -> serde_json::Value {
-        let (fell_at_s, fault) = match &self.walk.end {
-            End::Upright => (None, None),
-            End::Fell { at_s, .. } => (Some(*at_s), None),
-            End::Fault { at_s, fault } => (Some(*at_s), Some(fault)),
-        };
-        let paper = ::report::table_two(&robot.name, &gait.name);
-        serde_json::json!({
-            "gait": gait.name,
-            "step_duration_s": gait.step_duration_s,
-            "seed": options.simulator.seed,
-            "upright": self.walk.end == End::Upright,
-            "fell_at_s": fell_at_s,
-            "fault": fault,
-            "speed_asked_m_s": gait.speed_m_s(),
-            "figures": self.walk.figures,
-            "table_two_mujoco_nm": paper.map(|p| p.mujoco_nm),
-            "walking_from_s": self.walk.walking_from_s,
-            "cycles": self.walk.cycles,
-            "wall_s": self.wall_s,
-            "files": self.files,
-            "no_pictures": self.no_pictures,
-            "notes": self.walk.notes,
-        })
     }
 }

@@ -6,6 +6,7 @@ mod input;
 use anyhow::{Result, bail};
 use input::{Event, Input};
 use ros::{Node, Qos};
+use std::io::Write;
 use std::path::PathBuf;
 use std::process::ExitCode;
 use std::time::Duration;
@@ -72,7 +73,8 @@ pub fn run(arguments: &Arguments) -> Result<ExitCode> {
 
 /// A terminal in raw mode wants the carriage's return.
 fn say(words: &str) {
-    eprint!("stop-button: {words}\r\n");
+    // A terminal that is gone is no reason to fall silent.
+    let _ = write!(std::io::stderr(), "stop-button: {words}\r\n");
 }
 
 /// Publishes until a person or a signal ends it. What is lost is pressed.

@@ -2,13 +2,16 @@
 
 mod recorded;
 mod summary;
+mod walked;
 mod watch;
 
+use crate::output;
 use crate::robots::RobotArguments;
 use anyhow::{Context, Result, bail};
 use gait::Gait;
 use robot::Robot;
 use ros::{Client, Node};
+use std::io::IsTerminal;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 use std::time::{Duration, Instant};
@@ -17,11 +20,9 @@ use tandem_msgs::std_srvs::{Trigger, TriggerRequest};
 use tandem_msgs::text::{SENTENCE_CHARS, printable};
 use tandem_msgs::{
     GenerateGait, GenerateGaitRequest, GenerateGaitResponse, StartRecording, StartRecordingRequest, StopRecording,
-    StopRecordingRequest, StopRecordingResponse,
+    StopRecordingRequest,
 };
-use tandem_sim_bridge::measure::WalkFigures;
-use tandem_sim_bridge::pictures::Studio;
-use tandem_sim_bridge::simulator::SimulatorOptions;
+use walked::Walked;
 use watch::{Outcome, Watch};
 
 /// A service's answer is waited for so long; a plan may take the planner's own time limit.
@@ -54,8 +55,11 @@ pub struct Arguments {
     #[arg(long, value_name = "S", default_value_t = 20.0)]
     seconds: f64,
     /// Folder for files, one folder in it for each gait
-    #[arg(long, value_name = "FOLDER")]
+    #[arg(long, value_name = "FOLDER", value_parser = output::folder)]
     out: PathBuf,
+    /// Print one JSON object for each gait on standard output, and what goes on on standard error
+    #[arg(long)]
+    json: bool,
     /// Namespace of the nodes
     #[arg(long, default_value = "/")]
     namespace: String,
@@ -69,6 +73,9 @@ pub fn run(arguments: &Arguments) -> Result<ExitCode> {
         bail!("--seconds is {}, expected 1 to 36000", arguments.seconds);
     }
     let robot = arguments.robot.load()?;
+    if arguments.json {
+        output::divert();
+    }
     std::fs::create_dir_all(&arguments.out)
         .with_context(|| format!("cannot make the folder {}", arguments.out.display()))?;
     let remap = format!("__ns:={}", arguments.namespace);
@@ -81,21 +88,34 @@ pub fn run(arguments: &Arguments) -> Result<ExitCode> {
             Ok(walked) => done.push(walked),
             // The gaits before are still told of.
             Err(error) => {
-                print!("{}", summary(&robot, &done));
-                // Leaves in order; a robot that walks is asked to stop.
+                // Leaves in order; a robot that walks is asked to stop, also where nobody reads on.
                 session.leave();
+                arguments.tell(&robot, &done)?;
                 return Err(error.context(name.clone()));
             }
         }
     }
     let text = summary(&robot, &done);
-    print!("{text}");
     write(&arguments.out.join("summary.txt"), text.as_bytes())?;
     let json = serde_json::to_string_pretty(&done.iter().map(Walked::json).collect::<Vec<_>>())? + "\n";
     write(&arguments.out.join("summary.json"), json.as_bytes())?;
-    println!("\nfiles are in {}", arguments.out.display());
     node.shutdown();
+    arguments.tell(&robot, &done)?;
+    if !arguments.json {
+        say!("\nfiles are in {}", arguments.out.display())?;
+    }
     Ok(if done.iter().all(|walked| walked.outcome.upright()) { ExitCode::SUCCESS } else { ExitCode::FAILURE })
+}
+
+impl Arguments {
+    fn tell(&self, robot: &Robot, done: &[Walked]) -> Result<()> {
+        if self.json {
+            done.iter().try_for_each(|walked| output::document(&walked.json()))?;
+        } else {
+            output::part(format_args!("{}", summary(robot, done)))?;
+        }
+        Ok(())
+    }
 }
 
 /// The clients of the nodes' services, and the eyes on their topics.
@@ -207,7 +227,7 @@ impl<'a> Session<'a> {
     }
 
     fn walk(&self, name: &str, seconds: f64, folder: &Path) -> Result<Walked> {
-        println!("{name}: asking the planner");
+        say!("{name}: asking the planner")?;
         let asked = Instant::now();
         let request = GenerateGaitRequest { behaviour: name.into(), ..Default::default() };
         let response = self.generate.call(request, PLAN_PATIENCE)?;
@@ -215,12 +235,12 @@ impl<'a> Session<'a> {
             bail!("no gait: {}: {}", response.status, response.message);
         }
         let gait = self.published(&response)?.to_gait()?;
-        println!(
+        say!(
             "{name}: planned in {:.3} s and {} iterations (answer after {:.3} s)",
             gait.solver.solve_time_s,
             gait.solver.iterations,
             asked.elapsed().as_secs_f64()
-        );
+        )?;
         if folder.exists() {
             std::fs::remove_dir_all(folder).with_context(|| format!("cannot replace {}", folder.display()))?;
         }
@@ -245,7 +265,7 @@ impl<'a> Session<'a> {
     fn walk_recorded(&self, name: &str, seconds: f64, folder: &Path, gait: Gait) -> Result<Walked> {
         self.watch.begin(&gait);
         self.arm()?;
-        println!("{name}: standing up");
+        say!("{name}: standing up")?;
         self.trigger("stand")?;
         self.wait_for_mode("standing")?;
         let loaded = self.watch.controller().map(|state| state.gait).unwrap_or_default();
@@ -256,13 +276,13 @@ impl<'a> Session<'a> {
         self.wait_for_mode("walking")?;
         let outcome = self.walk_on(name, seconds)?;
         if outcome.upright() {
-            println!("\r{name}: stopping and sitting down          ");
+            say!("{}{name}: stopping and sitting down          ", over())?;
             self.trigger("stop")?;
             self.wait_for_mode("standing")?;
             self.trigger("sit")?;
             self.wait_for_mode("disarmed").or_else(|_| self.trigger("disarm"))?;
         } else {
-            println!("\r{name}: {}          ", printable(&outcome.to_string(), SENTENCE_CHARS));
+            say!("{}{name}: {}          ", over(), printable(&outcome.to_string(), SENTENCE_CHARS))?;
         }
         let recorded = self.watch.end()?;
         let bag = self.stop_recording.call(StopRecordingRequest::default(), RECORDING_PATIENCE)?;
@@ -281,7 +301,7 @@ impl<'a> Session<'a> {
             problems,
             gait,
         };
-        println!("{name}: drawing");
+        say!("{name}: drawing")?;
         walked.draw(self.robot, folder, &recorded.samples, recorded.walking_from_s)?;
         // What was found about the fall is cleared with the next arming; faults stay until they are cleared by name.
         Ok(walked)
@@ -298,68 +318,20 @@ impl<'a> Session<'a> {
             let walked = self.watch.walked_s();
             if walked as u64 > shown {
                 shown = walked as u64;
-                print!("\r{name}: walking, {shown} of {seconds:.0} s ");
-                std::io::Write::flush(&mut std::io::stdout())?;
+                if std::io::stdout().is_terminal() {
+                    output::part(format_args!("\r{name}: walking, {shown} of {seconds:.0} s "))?;
+                }
             }
             std::thread::sleep(Duration::from_millis(10));
         }
     }
 }
 
-/// One gait walked.
-struct Walked {
-    gait: Gait,
-    outcome: Outcome,
-    figures: WalkFigures,
-    controller: tandem_msgs::ControllerState,
-    lost_states: u64,
-    bag: StopRecordingResponse,
-    /// Why there are no pictures, where there are none.
-    problems: Vec<String>,
-}
-
-impl Walked {
-    fn draw(&mut self, robot: &Robot, folder: &Path, samples: &[report::Sample], walking_from_s: f64) -> Result<()> {
-        // A fall in the first steps, or a machine without OpenGL, leaves less to show. The walk itself is still told.
-        let mut tiles = Vec::new();
-        let options = SimulatorOptions::default();
-        let filmed = Studio::new(robot, &options, &self.gait, samples, walking_from_s).and_then(|mut studio| {
-            tiles = studio.tiles()?;
-            studio.animation()
-        });
-        match filmed {
-            Ok(animation) => write(&folder.join("walk.png"), &animation)?,
-            Err(problem) => self.problems.push(problem.to_string()),
-        }
-        let run =
-            report::Run { gait: &self.gait, origin: report::Origin::Simulated, samples, walking_from_s, tiles: &tiles };
-        match report::render_run(folder, &run) {
-            Ok(_) => {}
-            Err(problem @ report::ReportError::TooLittle { .. }) => self.problems.push(problem.to_string()),
-            Err(problem) => return Err(problem.into()),
-        }
-        Ok(())
-    }
-
-    fn json(&self) -> serde_json::Value {
-        serde_json::json!({
-            "gait": self.gait.name,
-            "plan": self.gait.solver,
-            "upright": self.outcome.upright(),
-            "outcome": self.outcome.to_string(),
-            "speed_asked_m_s": self.gait.speed_m_s(),
-            "figures": self.figures,
-            "cycles": self.controller.cycles,
-            "missed_cycles": self.controller.missed_cycles,
-            "stale_inputs": self.controller.stale_inputs,
-            "lost_states": self.lost_states,
-            "bag_messages": self.bag.messages,
-            "bag_dropped": self.bag.dropped,
-            "problems": self.problems,
-        })
-    }
+/// At a terminal the line of the time walked is written over.
+fn over() -> &'static str {
+    if std::io::stdout().is_terminal() { "\r" } else { "" }
 }
 
 fn write(file: &Path, bytes: &[u8]) -> Result<()> {
-    std::fs::write(file, bytes).with_context(|| format!("cannot write {}", file.display()))
+    output::write_file(file, bytes)
 }

@@ -1,6 +1,7 @@
 //! tandem_controller: walks a gait with the paper's PD law. Parameters, topics and services: docs/safety.md, docs/hardware.md.
 
 use ros::{Arguments, Node};
+use std::io::Write;
 use std::process::ExitCode;
 use tandem_controller::config::Parameters;
 use tandem_controller::work::Work;
@@ -9,7 +10,8 @@ fn main() -> ExitCode {
     match run() {
         Ok(()) => ExitCode::SUCCESS,
         Err(error) => {
-            eprintln!("tandem_controller: {error:#}");
+            // Where standard error cannot be written there is nobody to tell.
+            let _ = writeln!(std::io::stderr(), "tandem_controller: {error:#}");
             ExitCode::FAILURE
         }
     }

@@ -1,5 +1,6 @@
 //! tandem_planner: the service `generate_gait` and the latched topic `gait`. Parameters and topics: docs/interfaces.md.
 
+use std::io::Write;
 use std::process::ExitCode;
 
 use anyhow::bail;
@@ -10,7 +11,8 @@ fn main() -> ExitCode {
     match run() {
         Ok(()) => ExitCode::SUCCESS,
         Err(error) => {
-            eprintln!("tandem_planner: {error:#}");
+            // Where standard error cannot be written there is nobody to tell.
+            let _ = writeln!(std::io::stderr(), "tandem_planner: {error:#}");
             ExitCode::FAILURE
         }
     }

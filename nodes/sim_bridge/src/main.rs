@@ -1,6 +1,7 @@
 //! tandem_sim_bridge: MuJoCo behind ROS 2 topics, or behind CAN. Parameters and topics: docs/simulation.md.
 
 use ros::{Arguments, Node};
+use std::io::Write;
 use std::process::ExitCode;
 use tandem_sim_bridge::config::Config;
 use tandem_sim_bridge::work::Work;
@@ -9,7 +10,8 @@ fn main() -> ExitCode {
     match run() {
         Ok(()) => ExitCode::SUCCESS,
         Err(error) => {
-            eprintln!("tandem_sim_bridge: {error:#}");
+            // Where standard error cannot be written there is nobody to tell.
+            let _ = writeln!(std::io::stderr(), "tandem_sim_bridge: {error:#}");
             ExitCode::FAILURE
         }
     }

@@ -33,9 +33,14 @@ impl From<PerJointType> for [f64; 3] {
     }
 }
 
-/// The figures of a walk.
+/// The figures of a walk. Serialised, those that are not known yet are null.
 #[derive(Clone, Debug, PartialEq, Serialize)]
+#[serde(into = "Told")]
 pub struct WalkFigures {
+    /// Whether it went on after settling: means, deviations and the largest torque are 0 and unknown where it did not.
+    pub settled: bool,
+    /// Whether there were enough steps for a speed: it is 0 and unknown where there were not.
+    pub speed_known: bool,
     /// Simulated time that was measured, s.
     pub time_s: f64,
     /// Mean |torque| over legs and time, after settling, Nm.
@@ -62,6 +67,46 @@ pub struct WalkFigures {
     pub pitch_deviation_deg: f64,
     /// Largest |roll| or |pitch| at any time, degrees.
     pub max_tilt_deg: f64,
+}
+
+/// [`WalkFigures`] as they are told.
+#[derive(Serialize)]
+struct Told {
+    time_s: f64,
+    mean_abs_torque_nm: Option<PerJointType>,
+    max_torque_nm: Option<f64>,
+    saturated_share: Option<f64>,
+    speed_m_s: Option<f64>,
+    lateral_speed_m_s: Option<f64>,
+    drift_m: [f64; 2],
+    turned_deg: f64,
+    height_m: Option<f64>,
+    roll_deviation_deg: Option<f64>,
+    pitch_mean_deg: Option<f64>,
+    pitch_deviation_deg: Option<f64>,
+    max_tilt_deg: f64,
+}
+
+impl From<WalkFigures> for Told {
+    fn from(f: WalkFigures) -> Self {
+        let settled = |value: f64| f.settled.then_some(value);
+        let speed = |value: f64| f.speed_known.then_some(value);
+        Told {
+            time_s: f.time_s,
+            mean_abs_torque_nm: f.settled.then_some(f.mean_abs_torque_nm),
+            max_torque_nm: settled(f.max_torque_nm),
+            saturated_share: settled(f.saturated_share),
+            speed_m_s: speed(f.speed_m_s),
+            lateral_speed_m_s: speed(f.lateral_speed_m_s),
+            drift_m: f.drift_m,
+            turned_deg: f.turned_deg,
+            height_m: settled(f.height_m),
+            roll_deviation_deg: settled(f.roll_deviation_deg),
+            pitch_mean_deg: settled(f.pitch_mean_deg),
+            pitch_deviation_deg: settled(f.pitch_deviation_deg),
+            max_tilt_deg: f.max_tilt_deg,
+        }
+    }
 }
 
 #[derive(Clone, Copy, Debug, Default)]
@@ -181,6 +226,8 @@ impl Measure {
         }
         let speed = |distance: f64| if duration > 0.0 { distance / duration } else { 0.0 };
         WalkFigures {
+            settled: self.height.n > 0.0,
+            speed_known: duration > 0.0,
             time_s: self.last_s,
             mean_abs_torque_nm: self.torque.map(|m| m.mean()).into(),
             max_torque_nm: self.max_torque_nm,
@@ -247,6 +294,19 @@ mod tests {
             assert!((f.saturated_share - 1.0 / 3.0).abs() < 1e-12);
             assert!((f.height_m - 0.55).abs() < 1e-12 && f.turned_deg.abs() < 1e-9);
         }
+    }
+
+    #[test]
+    fn what_a_short_walk_does_not_tell_is_null_and_not_0() {
+        let mut measure = Measure::new(0.4, [50.0; 12]);
+        for i in 0..1000 {
+            measure.sample(&state(1e-3 * f64::from(i), 0.0, 0.0, 0.0, 10.0), 0.55);
+        }
+        let told = serde_json::to_value(measure.figures()).unwrap();
+        for unknown in ["speed_m_s", "mean_abs_torque_nm", "max_torque_nm", "saturated_share", "height_m"] {
+            assert!(told[unknown].is_null(), "{unknown}: {told}");
+        }
+        assert_eq!((&told["turned_deg"], &told["time_s"]), (&0.0.into(), &0.999.into()));
     }
 
     #[test]

@@ -1,15 +1,15 @@
 //! The controller's own step and the simulator in one process: the same code as on the robot, without a network between.
 
-use crate::drives::{DriveBench, Speech};
+mod path;
+
 use crate::measure::{Measure, WalkFigures};
 use crate::simulator::{Fall, Posture, Push, RobotState, Simulator, SimulatorError, SimulatorOptions};
-use control::{
-    Config, Controller, DriveMode, Input, JointCommand, JointState, Mode, Output, PreparedGait, Request, Tilt,
-};
+use control::{Config, Controller, DriveMode, Input, JointState, Mode, Output, PreparedGait, Request, Tilt};
 use gait::Gait;
-use joint_bus::{BusConfig, DriveBus, DriveModel, JointBus, Link, Readings, memory};
+use joint_bus::{BusConfig, DriveModel};
+use path::Path;
 use robot::Robot;
-use std::collections::VecDeque;
+use std::ops::ControlFlow;
 use std::time::Duration;
 
 /// A robot that was asked to walk and does not after this simulated time never will, s.
@@ -88,6 +88,11 @@ pub enum End {
         /// The fault, with its joint and values.
         fault: String,
     },
+    /// Who watched ended it.
+    Stopped {
+        /// Seconds since the first step; `None`: before it.
+        at_s: Option<f64>,
+    },
 }
 
 /// A walk that has ended.
@@ -105,6 +110,13 @@ pub struct Walk {
     pub state: RobotState,
     /// What of the robot's description was not simulated as it says.
     pub notes: Vec<String>,
+}
+
+impl Walk {
+    /// Whether it came to a first step.
+    pub fn has_walked(&self) -> bool {
+        self.end != End::Stopped { at_s: None }
+    }
 }
 
 /// Why there was no walk.
@@ -145,107 +157,6 @@ fn multiple(name: &str, whole: f64, part: f64) -> Result<u32, WalkError> {
         Ok(ratio as u32)
     } else {
         Err(WalkError::Option(format!("{name} is {whole} s, expected a multiple of {part} s")))
-    }
-}
-
-/// How commands reach the joints and states come back.
-enum Path {
-    /// The simulator's own drives, and commands on their way to them.
-    Own { on_the_way: VecDeque<JointCommand>, delay_cycles: usize },
-    /// Emulated drives behind frames.
-    Bus { bus: Box<dyn JointBus>, bench: Box<DriveBench>, readings: Box<Readings> },
-}
-
-impl Path {
-    fn new(options: &WalkOptions, config: &Config, delay_cycles: usize) -> Result<Self, WalkError> {
-        let Some(drives) = &options.drives else {
-            return Ok(Self::Own { on_the_way: VecDeque::with_capacity(delay_cycles + 1), delay_cycles });
-        };
-        if delay_cycles > 0 {
-            return Err(WalkError::Option(
-                "a command's delay belongs to the drives' model where drives are emulated".into(),
-            ));
-        }
-        drives.bus.check_ranges(config)?;
-        let (near, far): (Vec<_>, Vec<Box<dyn Link + Send>>) = drives
-            .bus
-            .interfaces
-            .iter()
-            .map(|_| {
-                let (near, far) = memory::pair();
-                (near, Box::new(far) as Box<dyn Link + Send>)
-            })
-            .unzip();
-        let bus = Box::new(DriveBus::new(drives.bus.clone(), Speech::of(&drives.bus), near));
-        let bench = Box::new(DriveBench::new(drives.bus.clone(), drives.model, far));
-        let mut path = Self::Bus { bus, bench, readings: Box::default() };
-        path.greet();
-        Ok(path)
-    }
-
-    /// A drive says where it is only when it is spoken to: the first words come before the first cycle.
-    fn greet(&mut self) {
-        if let Self::Bus { bus, .. } = self {
-            bus.write(&JointCommand::LIMP, false, Duration::ZERO);
-        }
-    }
-
-    /// The state that the controller sees.
-    fn read(&mut self, simulator: &Simulator, now: Duration) -> Option<JointState> {
-        let (position_rad, velocity_rad_s) = simulator.joints();
-        match self {
-            Self::Own { .. } => Some(JointState {
-                stamp: now,
-                arrived: [now; 12],
-                position_rad,
-                velocity_rad_s,
-                temperature_c: None,
-                drive_error: [0; 12],
-            }),
-            Self::Bus { bus, bench, readings } => {
-                // What was written in the last cycle has been answered; only the greeting still waits.
-                if now.is_zero() {
-                    bench.answer(now, &position_rad, &velocity_rad_s);
-                }
-                bus.read(now, readings);
-                readings.joint_state()
-            }
-        }
-    }
-
-    fn fault(&self, now: Duration) -> Option<control::FaultReport> {
-        match self {
-            Self::Own { .. } => None,
-            Self::Bus { bus, .. } => bus.fault(now),
-        }
-    }
-
-    fn write(&mut self, output: &Output, simulator: &mut Simulator, now: Duration) {
-        match self {
-            Self::Own { on_the_way, delay_cycles } => {
-                on_the_way.push_back(output.command);
-                if on_the_way.len() > *delay_cycles
-                    && let Some(command) = on_the_way.pop_front()
-                {
-                    simulator.command(&command);
-                }
-            }
-            Self::Bus { bus, bench, .. } => {
-                bus.write(&output.command, output.drives_on, now);
-                let (q, v) = simulator.joints();
-                bench.answer(now, &q, &v);
-            }
-        }
-    }
-
-    fn step(&mut self, simulator: &mut Simulator, now: Duration) {
-        match self {
-            Self::Own { .. } => simulator.step(),
-            Self::Bus { bench, .. } => {
-                let (q, v) = simulator.joints();
-                simulator.step_with_torque(&bench.torques(now, &q, &v));
-            }
-        }
     }
 }
 
@@ -290,92 +201,153 @@ pub fn walk(
     options: &WalkOptions,
     observe: &mut dyn FnMut(&mut Simulator, &RobotState, &Cycle),
 ) -> Result<Walk, WalkError> {
-    if !(0.01..=1e5).contains(&options.seconds) {
-        return Err(WalkError::Option(format!("seconds is {}, expected 0.01 to 1e5", options.seconds)));
-    }
-    let steps_per_cycle = multiple("the control period", options.period_s, options.simulator.timestep_s)?.max(1);
-    let delay_cycles = multiple("the command's delay", options.command_delay_s, options.period_s)? as usize;
-    let config = controller_config(robot, options);
-    let prepared = PreparedGait::new(gait, &config)?;
-    let torque_limit_nm = config.torque_limit_nm;
-    let mut path = Path::new(options, &config, delay_cycles)?;
-    let mut controller = Controller::new(config)?;
-    let mut simulator = Simulator::new(robot, options.simulator.clone())?;
-    let requests: &[Request] = match options.start {
-        Start::Gait => {
-            simulator.reset_to_gait(gait)?;
-            &[Request::StartOnGait]
-        }
-        Start::Posture(posture) => {
-            simulator.reset_to_posture(posture);
-            &[Request::Arm, Request::Stand, Request::Walk]
-        }
-    };
-    let mut measure = Measure::new(gait.step_duration_s, torque_limit_nm);
-    let mut walking_from_s = None;
-    let period = Duration::from_secs_f64(options.period_s);
+    walk_until(robot, gait, options, &mut |simulator, state, cycle| {
+        observe(simulator, state, cycle);
+        ControlFlow::Continue(())
+    })
+}
+
+/// As [`walk`], but `observe` may end it: with [`End::Stopped`].
+///
+/// # Errors
+/// As [`walk`].
+pub fn walk_until(
+    robot: &Robot,
+    gait: &Gait,
+    options: &WalkOptions,
+    observe: &mut Observer,
+) -> Result<Walk, WalkError> {
+    let mut course = Course::new(robot, gait, options)?;
     for cycle in 0u32.. {
-        let now = period * cycle;
-        let state = simulator.state();
-        let joints = path.read(&simulator, now).map(JointState::to_resolution);
+        if let Some(end) = course.cycle(cycle, observe)? {
+            return Ok(Walk {
+                end,
+                figures: course.measure.figures(),
+                walking_from_s: course.walking_from_s.unwrap_or_default(),
+                cycles: u64::from(cycle) + 1,
+                state: course.simulator.state(),
+                notes: course.simulator.notes().to_vec(),
+            });
+        }
+    }
+    Err(WalkError::Option("more control cycles than can be counted".into()))
+}
+
+/// Who watches a walk and says whether it goes on.
+type Observer<'a> = dyn FnMut(&mut Simulator, &RobotState, &Cycle) -> ControlFlow<()> + 'a;
+
+/// A walk under way.
+struct Course<'a> {
+    robot: &'a Robot,
+    options: &'a WalkOptions,
+    prepared: PreparedGait,
+    requests: &'static [Request],
+    path: Path,
+    controller: Controller,
+    simulator: Simulator,
+    measure: Measure,
+    steps_per_cycle: u32,
+    walking_from_s: Option<f64>,
+}
+
+impl<'a> Course<'a> {
+    fn new(robot: &'a Robot, gait: &Gait, options: &'a WalkOptions) -> Result<Self, WalkError> {
+        if !(0.01..=1e5).contains(&options.seconds) {
+            return Err(WalkError::Option(format!("seconds is {}, expected 0.01 to 1e5", options.seconds)));
+        }
+        let steps_per_cycle = multiple("the control period", options.period_s, options.simulator.timestep_s)?.max(1);
+        let delay_cycles = multiple("the command's delay", options.command_delay_s, options.period_s)? as usize;
+        let config = controller_config(robot, options);
+        let prepared = PreparedGait::new(gait, &config)?;
+        let torque_limit_nm = config.torque_limit_nm;
+        let path = Path::new(options, &config, delay_cycles)?;
+        let controller = Controller::new(config)?;
+        let mut simulator = Simulator::new(robot, options.simulator.clone())?;
+        let requests: &'static [Request] = match options.start {
+            Start::Gait => {
+                simulator.reset_to_gait(gait)?;
+                &[Request::StartOnGait]
+            }
+            Start::Posture(posture) => {
+                simulator.reset_to_posture(posture);
+                &[Request::Arm, Request::Stand, Request::Walk]
+            }
+        };
+        let measure = Measure::new(gait.step_duration_s, torque_limit_nm);
+        let walking_from_s = None;
+        Ok(Self {
+            robot,
+            options,
+            prepared,
+            requests,
+            path,
+            controller,
+            simulator,
+            measure,
+            steps_per_cycle,
+            walking_from_s,
+        })
+    }
+
+    /// One control cycle and the physics until the next; how the walk ended, if it did.
+    fn cycle(&mut self, cycle: u32, observe: &mut Observer) -> Result<Option<End>, WalkError> {
+        let now = Duration::from_secs_f64(self.options.period_s) * cycle;
+        let state = self.simulator.state();
+        let joints = self.path.read(&self.simulator, now).map(JointState::to_resolution);
         let [roll_rad, pitch_rad, _] = state.roll_pitch_yaw();
         let first = cycle == 0;
         let input = Input {
             joints: joints.as_ref(),
-            fault: path.fault(now),
+            fault: self.path.fault(now),
             tilt: Some(Tilt { roll_rad, pitch_rad }.to_resolution()),
-            requests: if first { requests } else { &[] },
-            gait: first.then_some(&prepared),
+            requests: if first { self.requests } else { &[] },
+            gait: first.then_some(&self.prepared),
             ..Input::default()
         };
-        let output = controller.step(&input, now);
+        let output = self.controller.step(&input, now);
         for reply in output.replies.into_iter().flatten() {
             reply?;
         }
-        observe(&mut simulator, &state, &Cycle { now, input: &input, output: &output });
-        if walking_from_s.is_none() && output.mode == Mode::Walking {
-            walking_from_s = Some(state.time_s);
-            simulator.expect_height(robot.nominal.height_m);
-            for push in &options.pushes {
-                simulator.push(Push { start_s: push.start_s + state.time_s, ..*push })?;
+        let go_on = observe(&mut self.simulator, &state, &Cycle { now, input: &input, output: &output });
+        if go_on.is_break() {
+            return Ok(Some(End::Stopped { at_s: self.walking_from_s.map(|from| state.time_s - from) }));
+        }
+        if self.walking_from_s.is_none() && output.mode == Mode::Walking {
+            self.walking_from_s = Some(state.time_s);
+            self.simulator.expect_height(self.robot.nominal.height_m);
+            for push in &self.options.pushes {
+                self.simulator.push(Push { start_s: push.start_s + state.time_s, ..*push })?;
             }
         }
-        path.write(&output, &mut simulator, now);
-        for step in 0..steps_per_cycle {
-            path.step(&mut simulator, now + Duration::from_secs_f64(options.simulator.timestep_s) * step);
+        self.path.write(&output, &mut self.simulator, now);
+        let timestep = Duration::from_secs_f64(self.options.simulator.timestep_s);
+        for step in 0..self.steps_per_cycle {
+            self.path.step(&mut self.simulator, now + timestep * step);
         }
-        let after = simulator.state();
-        let end = match walking_from_s {
-            None if after.time_s > WALKING_PATIENCE_S => {
-                let detail = output.report.map_or(String::new(), |_| format!(" ({})", fault(&output, robot)));
+        self.end(&output)
+    }
+
+    /// Whether the walk has ended with the last step of the physics, which is measured.
+    fn end(&mut self, output: &Output) -> Result<Option<End>, WalkError> {
+        let after = self.simulator.state();
+        let Some(from) = self.walking_from_s else {
+            if after.time_s > WALKING_PATIENCE_S {
+                let detail = output.report.map_or(String::new(), |_| format!(" ({})", fault(output, self.robot)));
                 return Err(WalkError::NotWalking { mode: output.mode.name(), detail });
             }
-            None => continue,
-            Some(from) => {
-                let at_s = after.time_s - from;
-                let fallen = simulator.fallen();
-                if fallen != Some(Fall::NotFinite) {
-                    measure.sample(&after, simulator.height_m());
-                }
-                if let Some(fall) = fallen {
-                    End::Fell { at_s, fall }
-                } else if output.mode != Mode::Walking {
-                    End::Fault { at_s, fault: fault(&output, robot) }
-                } else if at_s >= options.seconds - 1e-9 {
-                    End::Upright
-                } else {
-                    continue;
-                }
-            }
+            return Ok(None);
         };
-        return Ok(Walk {
-            end,
-            figures: measure.figures(),
-            walking_from_s: walking_from_s.unwrap_or_default(),
-            cycles: u64::from(cycle) + 1,
-            state: after,
-            notes: simulator.notes().to_vec(),
-        });
+        let at_s = after.time_s - from;
+        let fallen = self.simulator.fallen();
+        if fallen != Some(Fall::NotFinite) {
+            self.measure.sample(&after, self.simulator.height_m());
+        }
+        Ok(if let Some(fall) = fallen {
+            Some(End::Fell { at_s, fall })
+        } else if output.mode != Mode::Walking {
+            Some(End::Fault { at_s, fault: fault(output, self.robot) })
+        } else {
+            (at_s >= self.options.seconds - 1e-9).then_some(End::Upright)
+        })
     }
-    Err(WalkError::Option("more control cycles than can be counted".into()))
 }

@@ -1,22 +1,26 @@
 //! `tandem bag play`: a recording is published with its own timing.
 
-use ::bag::{Bag, Durability, Message, Messages};
-use anyhow::{Context, Result, bail};
-use ros::{Node, PublishError, Qos, RawPublisher};
-use std::io::BufRead;
+use super::controls::{Control, controls};
+use super::offers::{Offered, overrides};
+use ::bag::{Bag, Message, Messages};
+use anyhow::{Result, bail};
+use ros::{Node, PublishError, Qos};
+use std::collections::VecDeque;
 use std::path::PathBuf;
 use std::process::ExitCode;
-use std::sync::mpsc::{Receiver, TryRecvError, channel};
+use std::sync::mpsc::{Receiver, TryRecvError};
 use std::time::{Duration, Instant};
 use tandem_msgs::builtin_interfaces::Time;
 use tandem_msgs::rosgraph_msgs::Clock;
-use tandem_msgs::std_srvs::{SetBool, SetBoolResponse};
 
 /// Publish a recording with its own timing
 ///
-/// Topics are offered with the quality of service that they were recorded with. Messages on latched topics (gait,
-/// robot_description) from before the start are sent first. While it plays, lines on standard input control it: `pause`,
-/// `resume`, `seek SECONDS`, `rate FACTOR`, `quit`; the service `bag_player/pause` (std_srvs/SetBool) pauses and resumes.
+/// Topics are offered so that every subscriber is served who was served while they were recorded, also where several
+/// publishers offered different qualities of service. Messages on latched topics (gait, robot_description) from before
+/// the start are sent first, also when it begins again and after a seek: all that late subscribers would have got.
+///
+/// While it plays, lines on standard input control it: `pause`, `resume`, `seek SECONDS`, `rate FACTOR`, `quit`; the
+/// service `bag_player/pause` (std_srvs/SetBool) pauses and resumes.
 ///
 ///   tandem bag play out/run --rate 0.5 --start 3 --loop
 ///   tandem bag play out/run --topic /joint_states --topic /odom --clock
@@ -32,7 +36,7 @@ pub struct Arguments {
     /// Begin this long after the first message, s
     #[arg(long, value_name = "S", default_value_t = 0.0)]
     start: f64,
-    /// Begin again at the end, until stopped
+    /// At the end begin again at --start, until stopped
     #[arg(long = "loop")]
     again: bool,
     /// Begin paused
@@ -47,6 +51,9 @@ pub struct Arguments {
     /// Offer every topic reliably, whatever it was recorded with, and wait for subscribers that fall behind
     #[arg(long)]
     reliable: bool,
+    /// Offer topics as this file says, whatever they were recorded with: the YAML file of `ros2 bag play`
+    #[arg(long, value_name = "FILE")]
+    qos_profile_overrides_path: Option<PathBuf>,
     /// Time for subscribers to find the topics before the first message, s
     #[arg(long, value_name = "S", default_value_t = 1.0)]
     delay: f64,
@@ -55,21 +62,12 @@ pub struct Arguments {
     ros: Vec<String>,
 }
 
-/// Messages kept for reliable subscriptions at least.
+/// The clock's depth.
 const DEPTH: usize = 10;
 /// Pace at which large messages arrive, retransmissions included.
 const BYTES_PER_MS: u64 = 20_000;
 /// How often controls are looked at while waiting, and the clock's period.
 const TICK: Duration = Duration::from_millis(10);
-
-#[derive(Clone, Copy)]
-enum Control {
-    Pause(bool),
-    /// s after the first message.
-    Seek(f64),
-    Rate(f64),
-    Quit,
-}
 
 /// Runs the subcommand.
 pub fn run(arguments: &Arguments) -> Result<ExitCode> {
@@ -81,44 +79,28 @@ pub fn run(arguments: &Arguments) -> Result<ExitCode> {
     if !(0.0..=3600.0).contains(&arguments.delay) {
         bail!("--delay is {}; expected 0 to 3600 s", arguments.delay);
     }
-    for wanted in &arguments.topics {
-        if bag.topic(wanted).is_none() {
-            let known: Vec<&str> = bag.topics().iter().map(|topic| topic.name.as_str()).collect();
-            bail!("there is no topic '{wanted}' in {}; it has {}", bag.path().display(), known.join(", "));
-        }
-    }
-    if let Some(first) = arguments.ros.first()
-        && first != "--ros-args"
-    {
-        bail!("'{first}' is not known; expected options as in --help, or --ros-args");
-    }
-    let line = std::iter::once("tandem".to_owned()).chain(arguments.ros.iter().cloned());
-    let (ros_arguments, _) = ros::Arguments::from_line(line)?;
-    let node = Node::start("bag_player", &ros_arguments)?;
-    let mut publishers = Vec::new();
-    for topic in bag.topics() {
-        let wanted = arguments.topics.is_empty() || arguments.topics.contains(&topic.name);
-        let replaced = arguments.clock && topic.name == "/clock";
-        if !wanted || replaced || topic.encoding != "cdr" || topic.type_name.is_empty() {
-            publishers.push(None);
-            continue;
-        }
-        publishers.push(Some(node.raw_publisher(&topic.name, &topic.type_name, qos(topic, arguments.reliable))?));
-    }
+    super::check_topics(&bag, &arguments.topics)?;
+    let node = node(arguments)?;
+    let overrides = arguments.qos_profile_overrides_path.as_deref().map(overrides).transpose()?.unwrap_or_default();
+    let wanted = |name: &str| {
+        let replaced = arguments.clock && name == "/clock";
+        !replaced && (arguments.topics.is_empty() || arguments.topics.iter().any(|topic| topic == name))
+    };
+    let topics = Offered::all(&node, &bag, &overrides, arguments.reliable, wanted)?;
     let clock = arguments.clock.then(|| node.publisher::<Clock>("/clock", Qos::reliable(DEPTH))).transpose()?;
     let controls = controls(&node)?;
-    println!(
-        "{}: {duration_s:.1} s, {} messages on {} topics, at {} times real time",
+    let count = topics.iter().flatten().count();
+    say!(
+        "{}: {duration_s:.1} s, {} messages on {count} topics, at {} times real time",
         bag.path().display(),
         bag.message_count(),
-        publishers.iter().flatten().count(),
         arguments.rate
-    );
-    std::thread::sleep(Duration::from_secs_f64(arguments.delay));
+    )?;
+    rest(&node, Duration::from_secs_f64(arguments.delay));
     let mut player = Player {
         bag: &bag,
         node: &node,
-        publishers,
+        topics,
         clock,
         controls,
         start_ns,
@@ -131,25 +113,42 @@ pub fn run(arguments: &Arguments) -> Result<ExitCode> {
         recent: (Instant::now(), 0, 0),
         lost: 0,
     };
-    let mut from_ns = start_ns + (arguments.start * 1e9) as u64;
+    let begin_ns = start_ns + (arguments.start * 1e9) as u64;
+    let mut from_ns = begin_ns;
     loop {
         match player.play(from_ns)? {
-            Ended::AtEnd if arguments.again => from_ns = start_ns,
+            Ended::AtEnd if arguments.again => from_ns = begin_ns,
             Ended::Seek(to_ns) => from_ns = to_ns,
             Ended::AtEnd | Ended::Stopped => break,
         }
     }
-    println!(
-        "{} messages sent{}",
-        player.sent,
-        if player.lost > 0 { format!(", {} lost", player.lost) } else { String::new() }
-    );
-    let lost = player.lost;
-    // The last messages may still be on their way, or asked for again.
-    std::thread::sleep(player.time_to_arrive());
+    let (sent, lost, time_to_arrive) = (player.sent, player.lost, player.time_to_arrive());
     drop(player);
+    let told = say!("{sent} messages sent{}", if lost > 0 { format!(", {lost} lost") } else { String::new() });
+    // The last messages may still be on their way, or asked for again.
+    rest(&node, time_to_arrive);
     node.shutdown();
+    told?;
     Ok(if lost == 0 { ExitCode::SUCCESS } else { ExitCode::FAILURE })
+}
+
+fn node(arguments: &Arguments) -> Result<Node> {
+    if let Some(first) = arguments.ros.first()
+        && first != "--ros-args"
+    {
+        bail!("'{first}' is not known; expected options as in --help, or --ros-args");
+    }
+    let line = std::iter::once("tandem".to_owned()).chain(arguments.ros.iter().cloned());
+    let (ros_arguments, _) = ros::Arguments::from_line(line)?;
+    Ok(Node::start("bag_player", &ros_arguments)?)
+}
+
+/// Waits, unless it is asked to stop.
+fn rest(node: &Node, time: Duration) {
+    let end = Instant::now() + time;
+    while !node.stop().is_requested() && Instant::now() < end {
+        std::thread::sleep(TICK.min(end.saturating_duration_since(Instant::now())));
+    }
 }
 
 fn check_rate(rate: f64) -> Result<()> {
@@ -164,52 +163,6 @@ fn check_seek(at_s: f64, duration_s: f64) -> Result<()> {
         bail!("{at_s} s is not in the recording; expected 0 to {duration_s:.3} s");
     }
     Ok(())
-}
-
-fn qos(topic: &::bag::BagTopic, reliable: bool) -> Qos {
-    let recorded = topic.qos.unwrap_or(::bag::Qos::reliable(10));
-    let depth = recorded.depth as usize;
-    match recorded.durability {
-        Durability::TransientLocal => Qos::transient_local(depth),
-        Durability::Volatile if reliable => Qos::keep_all(),
-        // Serves best-effort subscriptions as well.
-        Durability::Volatile => Qos::reliable(depth.max(DEPTH)),
-    }
-}
-
-/// Standard input and the pause service, as one stream of controls.
-fn controls(node: &Node) -> Result<Receiver<Control>> {
-    let (sender, receiver) = channel();
-    let by_service = sender.clone();
-    node.serve::<SetBool>("~/pause", move |request| {
-        let done = by_service.send(Control::Pause(request.data)).is_ok();
-        SetBoolResponse { success: done, message: if request.data { "paused".into() } else { "playing".into() } }
-    })?;
-    std::thread::Builder::new()
-        .name("controls".into())
-        .spawn(move || {
-            for line in std::io::stdin().lock().lines() {
-                let Ok(line) = line else { return };
-                let words: Vec<&str> = line.split_whitespace().collect();
-                let number = |text: &str| text.parse::<f64>().ok();
-                let control = match words.as_slice() {
-                    [] => continue,
-                    ["pause"] => Some(Control::Pause(true)),
-                    ["resume"] => Some(Control::Pause(false)),
-                    ["seek", text] => number(text).map(Control::Seek),
-                    ["rate", text] => number(text).map(Control::Rate),
-                    ["quit"] => Some(Control::Quit),
-                    _ => None,
-                };
-                match control {
-                    Some(control) if sender.send(control).is_err() => return,
-                    Some(_) => {}
-                    None => eprintln!("'{line}' is not known; expected pause, resume, seek SECONDS, rate FACTOR, quit"),
-                }
-            }
-        })
-        .context("cannot start the thread that reads standard input")?;
-    Ok(receiver)
 }
 
 enum Ended {
@@ -228,7 +181,7 @@ struct Pace {
 struct Player<'a> {
     bag: &'a Bag,
     node: &'a Node,
-    publishers: Vec<Option<RawPublisher>>,
+    topics: Vec<Option<Offered>>,
     clock: Option<ros::Publisher<Clock>>,
     controls: Receiver<Control>,
     start_ns: u64,
@@ -258,9 +211,11 @@ impl Player<'_> {
         Ok(Ended::AtEnd)
     }
 
-    /// Passes over what comes before, but sends the last message of each latched topic. Gives the first message due.
+    /// Passes over what comes before, but sends what each latched topic keeps for late subscribers. Gives the first
+    /// message due.
     fn skip_to(&mut self, messages: &mut Messages, from_ns: u64) -> Result<Option<Message>> {
-        let mut latched: Vec<Option<Message>> = self.publishers.iter().map(|_| None).collect();
+        let mut latched: VecDeque<Message> = VecDeque::new();
+        let mut kept = vec![0; self.topics.len()];
         let mut first = None;
         for message in messages {
             let message = message?;
@@ -268,13 +223,21 @@ impl Player<'_> {
                 first = Some(message);
                 break;
             }
-            let qos = self.bag.topics()[message.topic].qos;
-            if qos.is_some_and(|qos| qos.durability == Durability::TransientLocal) {
-                let topic = message.topic;
-                latched[topic] = Some(message);
+            let topic = message.topic;
+            let most = self.topics[topic].as_ref().map_or(0, |topic| topic.kept);
+            if most == 0 {
+                continue;
             }
+            kept[topic] += 1;
+            if kept[topic] > most
+                && let Some(oldest) = latched.iter().position(|message| message.topic == topic)
+            {
+                latched.remove(oldest);
+                kept[topic] -= 1;
+            }
+            latched.push_back(message);
         }
-        for message in latched.into_iter().flatten() {
+        for message in latched {
             self.send(&message)?;
         }
         Ok(first)
@@ -304,13 +267,13 @@ impl Player<'_> {
                 Ok(Control::Pause(paused)) => self.set_pace(|player| player.paused = paused),
                 Ok(Control::Rate(rate)) => match check_rate(rate) {
                     Ok(()) => self.set_pace(|player| player.rate = rate),
-                    Err(error) => eprintln!("{error}"),
+                    Err(error) => note!("{error}"),
                 },
                 Ok(Control::Seek(at_s)) => {
                     let duration_s = self.bag.span_ns().map_or(0.0, |(start, end)| (end - start) as f64 * 1e-9);
                     match check_seek(at_s, duration_s) {
                         Ok(()) => return Ok(Some(Ended::Seek(self.start_ns + (at_s * 1e9) as u64))),
-                        Err(error) => eprintln!("{error}"),
+                        Err(error) => note!("{error}"),
                     }
                 }
                 Ok(Control::Quit) => return Ok(Some(Ended::Stopped)),
@@ -352,10 +315,10 @@ impl Player<'_> {
     }
 
     fn send(&mut self, message: &Message) -> Result<()> {
-        let Some(publisher) = &self.publishers[message.topic] else { return Ok(()) };
+        let Some(topic) = &mut self.topics[message.topic] else { return Ok(()) };
         let patience = Instant::now() + Duration::from_secs(10);
         loop {
-            match publisher.publish(&message.data) {
+            match topic.publisher.publish(&message.data) {
                 Ok(()) => {
                     self.sent += 1;
                     self.count_recent(message.data.len());
@@ -368,7 +331,14 @@ impl Player<'_> {
                     self.lost += 1;
                     return Ok(());
                 }
-                Err(error) => return Err(error.into()),
+                // Such as a message that is no little-endian CDR: the others are played.
+                Err(error) => {
+                    self.lost += 1;
+                    if !std::mem::replace(&mut topic.told, true) {
+                        note!("{error}");
+                    }
+                    return Ok(());
+                }
             }
         }
     }

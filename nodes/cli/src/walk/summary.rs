@@ -30,17 +30,17 @@ pub(super) fn summary(robot: &Robot, done: &[Walked]) -> String {
         );
         text += "  mean |torque|, Nm             hip roll  hip pitch    knee\n";
         text += &row3("here", f.mean_abs_torque_nm.into());
-        if let Some(paper) = report::table_two(&gait.name) {
+        if let Some(paper) = report::table_two(&gait.robot, &gait.name) {
             text += &row3("the paper's MuJoCo", paper.mujoco_nm);
             text += &row3("the paper's experiment", paper.experiment_nm);
         }
-        text += &format!(
-            "  {} control cycles, {} missed, {} with a stale state; {} joint states lost on the way here\n",
-            walked.controller.cycles,
-            walked.controller.missed_cycles,
-            walked.controller.stale_inputs,
-            walked.lost_states
-        );
+        if let Some(state) = &walked.controller {
+            text += &format!(
+                "  {} control cycles, {} missed, {} with a stale state; ",
+                state.cycles, state.missed_cycles, state.stale_inputs
+            );
+        }
+        text += &format!("{} joint states lost on the way here\n", walked.lost_states);
         text += &format!(
             "  bag: {} messages, {:.1} MB, {} dropped\n",
             walked.bag.messages,

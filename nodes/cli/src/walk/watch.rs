@@ -69,7 +69,7 @@ pub struct Recorded {
     /// Figures of the walk.
     pub figures: WalkFigures,
     /// The controller's last word while it walked.
-    pub controller: ControllerState,
+    pub controller: Option<ControllerState>,
     /// Joint states that did not reach us.
     pub lost_states: u64,
 }
@@ -203,7 +203,7 @@ impl Watch {
             samples,
             walking_from_s: run.walking_from_s.unwrap_or_default(),
             figures: measure.figures(),
-            controller: run.walking.unwrap_or_default(),
+            controller: run.walking,
             lost_states: run.lost_states,
         })
     }

@@ -1,0 +1,167 @@
+//! `tandem plan --verify` and `--stability`: what is said of a plan beyond the solver's word.
+
+use anyhow::{Context, Result};
+use gait_design::{BetweenPoints, Complex, GaitRequest, Plan, PlanPoint, StepComparison, StepLaw};
+use serde_json::json;
+use std::path::{Path, PathBuf};
+
+/// A planned step beside its simulation, and between the program's points.
+pub struct Verified {
+    comparison: StepComparison,
+    between: BetweenPoints,
+    drawn: Option<PathBuf>,
+}
+
+impl Verified {
+    /// Whether the model follows the plan.
+    pub fn is_good(&self) -> bool {
+        self.comparison.follows_plan() && self.between.is_kept()
+    }
+
+    /// Lines for a person.
+    pub fn text(&self) -> String {
+        let (c, b) = (&self.comparison, &self.between);
+        let mut text = format!(
+            "         full-order step {}: joints within {:.1e} rad, body {:.1e} m and {:.1e} rad, normal forces {:.3} %, toes land at {:+.1e} and {:+.1e} m\n",
+            if c.follows_plan() { "follows the plan" } else { "DOES NOT FOLLOW the plan" },
+            c.joint_error_rad,
+            c.body_position_error_m,
+            c.body_orientation_error_rad,
+            100.0 * c.normal_force_error,
+            c.landing_height_m[0],
+            c.landing_height_m[1]
+        );
+        if let Some(file) = &self.drawn {
+            text += &format!("         drawn: {}\n", file.display());
+        }
+        text += &format!(
+            "         between the points {}: stance toes slip {:.1e} m, swing toes {:.1e} m below the floor, joints {:.1e} rad from their polynomials, base out of balance by {:.2} N or N m; beyond limits: joints {:.1e} rad, {:.1e} rad/s, torque {:.2} N m, ground forces {:.2} N\n",
+            if b.is_kept() { "the plan is kept" } else { "the plan is NOT KEPT" },
+            b.stance_slip_m,
+            b.swing_below_floor_m,
+            b.polynomial_rad,
+            b.imbalance,
+            b.joint_range_rad,
+            b.joint_velocity_rad_s,
+            b.torque_nm,
+            b.ground_force_n
+        );
+        text
+    }
+
+    /// The same for a program.
+    pub fn json(&self) -> serde_json::Value {
+        let (c, b) = (&self.comparison, &self.between);
+        json!({
+            "follows_plan": c.follows_plan(), "joint_error_rad": c.joint_error_rad,
+            "body_position_error_m": c.body_position_error_m, "body_orientation_error_rad": c.body_orientation_error_rad,
+            "normal_force_error": c.normal_force_error, "landing_height_m": c.landing_height_m, "drawn": self.drawn,
+            "between_points": {
+                "kept": b.is_kept(), "stance_slip_m": b.stance_slip_m, "swing_below_floor_m": b.swing_below_floor_m,
+                "polynomial_rad": b.polynomial_rad, "imbalance": b.imbalance, "joint_range_rad": b.joint_range_rad,
+                "joint_velocity_rad_s": b.joint_velocity_rad_s, "torque_nm": b.torque_nm, "ground_force_n": b.ground_force_n,
+            },
+        })
+    }
+}
+
+/// Simulates each planned step with the full-order model.
+pub fn verify(
+    robot: &robot::Robot,
+    request: &GaitRequest,
+    plan: &Plan,
+    law: StepLaw,
+    plot: Option<&Path>,
+) -> Result<Vec<Verified>> {
+    let robot = gait_design::on_slope(robot, request);
+    let steps = [(&plan.points, ""), (&plan.second_points, "_second")];
+    let planned = steps.into_iter().filter(|(points, _)| !points.is_empty());
+    planned
+        .map(|(points, which)| {
+            let drawn = plot.map(|folder| folder.join(format!("{}{which}_step.png", plan.gait.name)));
+            let comparison = gait_design::simulate_planned_step(&robot, &plan.gait, points, law)
+                .with_context(|| format!("cannot simulate {}", plan.gait.name))?;
+            if let Some(file) = &drawn {
+                draw_step(&plan.gait, points, &comparison, file)?;
+            }
+            let between = gait_design::between_points(&robot, request, &plan.gait, points);
+            Ok(Verified { comparison, between, drawn })
+        })
+        .collect()
+}
+
+/// Draws a planned step beside its simulation.
+fn draw_step(
+    gait: &gait::Gait,
+    points: &[PlanPoint],
+    comparison: &gait_design::StepComparison,
+    file: &Path,
+) -> Result<()> {
+    let legs = comparison.stance_legs;
+    let planned: Vec<report::StepPoint> = points
+        .iter()
+        .map(|p| report::StepPoint {
+            time_s: p.phase * gait.step_duration_s,
+            joint_position_rad: std::array::from_fn(|j| p.q[6 + j]),
+            normal_force_n: legs.map(|leg| p.ground_force_n[leg][2]),
+        })
+        .collect();
+    let simulated: Vec<report::StepPoint> = comparison
+        .simulated
+        .iter()
+        .map(|p| report::StepPoint {
+            time_s: p.time_s,
+            joint_position_rad: p.joint_position_rad,
+            normal_force_n: p.normal_force_n,
+        })
+        .collect();
+    let step = report::PlannedStep { name: &gait.name, stance_legs: legs, planned: &planned, simulated: &simulated };
+    let png = report::planned_step(&step)?.to_png()?;
+    if let Some(folder) = file.parent() {
+        std::fs::create_dir_all(folder).with_context(|| format!("cannot make the folder {}", folder.display()))?;
+    }
+    crate::output::write_file(file, &png)
+}
+
+/// The step's map around the gait, with a line for a person.
+pub struct Stable {
+    map: &'static str,
+    stability: gait_design::Stability,
+}
+
+impl Stable {
+    /// Linearises the plan.
+    pub fn of(robot: &robot::Robot, request: &GaitRequest, plan: &Plan) -> Result<Stable> {
+        let on_slope = gait_design::on_slope(robot, request);
+        let stability = gait_design::stability(&on_slope, &plan.gait, &plan.points, &plan.second_points)
+            .with_context(|| format!("cannot linearise {}", request.behaviour))?;
+        let map = if plan.second_points.is_empty() { "step-to-step" } else { "stride-to-stride" };
+        Ok(Stable { map, stability })
+    }
+
+    /// A line for a person.
+    pub fn text(&self) -> String {
+        let s = &self.stability;
+        let show =
+            |m: &[Complex]| m.iter().map(|m| format!("{:+.3}{:+.3}i", m.re, m.im)).collect::<Vec<_>>().join(", ");
+        format!(
+            "         {} map, rigid touchdown by the clock: largest multiplier {:.3} ({}): {}; x, y{} {}\n",
+            self.map,
+            s.spectral_radius(),
+            if s.is_stable() { "stable" } else { "not stable by itself: early touchdown has to catch it" },
+            show(&s.multipliers[..6]),
+            if s.neutral.len() == 3 { ", yaw" } else { "" },
+            show(&s.neutral)
+        )
+    }
+
+    /// The same for a program; complex numbers as their two parts.
+    pub fn json(&self) -> serde_json::Value {
+        let s = &self.stability;
+        let parts = |m: &[Complex]| m.iter().map(|m| [m.re, m.im]).collect::<Vec<_>>();
+        json!({
+            "map": self.map, "spectral_radius": s.spectral_radius(), "stable": s.is_stable(),
+            "multipliers": parts(&s.multipliers), "neutral": parts(&s.neutral),
+        })
+    }
+}

@@ -1,0 +1,110 @@
+//! How commands reach the simulated joints and states come back.
+
+use super::{WalkError, WalkOptions};
+use crate::drives::{DriveBench, Speech};
+use crate::simulator::Simulator;
+use control::{Config, JointCommand, JointState, Output};
+use joint_bus::{DriveBus, JointBus, Link, Readings, memory};
+use std::collections::VecDeque;
+use std::time::Duration;
+
+/// How commands reach the joints and states come back.
+pub(super) enum Path {
+    /// The simulator's own drives, and commands on their way to them.
+    Own { on_the_way: VecDeque<JointCommand>, delay_cycles: usize },
+    /// Emulated drives behind frames.
+    Bus { bus: Box<dyn JointBus>, bench: Box<DriveBench>, readings: Box<Readings> },
+}
+
+impl Path {
+    pub(super) fn new(options: &WalkOptions, config: &Config, delay_cycles: usize) -> Result<Self, WalkError> {
+        let Some(drives) = &options.drives else {
+            return Ok(Self::Own { on_the_way: VecDeque::with_capacity(delay_cycles + 1), delay_cycles });
+        };
+        if delay_cycles > 0 {
+            return Err(WalkError::Option(
+                "a command's delay belongs to the drives' model where drives are emulated".into(),
+            ));
+        }
+        drives.bus.check_ranges(config)?;
+        let (near, far): (Vec<_>, Vec<Box<dyn Link + Send>>) = drives
+            .bus
+            .interfaces
+            .iter()
+            .map(|_| {
+                let (near, far) = memory::pair();
+                (near, Box::new(far) as Box<dyn Link + Send>)
+            })
+            .unzip();
+        let bus = Box::new(DriveBus::new(drives.bus.clone(), Speech::of(&drives.bus), near));
+        let bench = Box::new(DriveBench::new(drives.bus.clone(), drives.model, far));
+        let mut path = Self::Bus { bus, bench, readings: Box::default() };
+        path.greet();
+        Ok(path)
+    }
+
+    /// A drive says where it is only when it is spoken to: the first words come before the first cycle.
+    fn greet(&mut self) {
+        if let Self::Bus { bus, .. } = self {
+            bus.write(&JointCommand::LIMP, false, Duration::ZERO);
+        }
+    }
+
+    /// The state that the controller sees.
+    pub(super) fn read(&mut self, simulator: &Simulator, now: Duration) -> Option<JointState> {
+        let (position_rad, velocity_rad_s) = simulator.joints();
+        match self {
+            Self::Own { .. } => Some(JointState {
+                stamp: now,
+                arrived: [now; 12],
+                position_rad,
+                velocity_rad_s,
+                temperature_c: None,
+                drive_error: [0; 12],
+            }),
+            Self::Bus { bus, bench, readings } => {
+                // What was written in the last cycle has been answered; only the greeting still waits.
+                if now.is_zero() {
+                    bench.answer(now, &position_rad, &velocity_rad_s);
+                }
+                bus.read(now, readings);
+                readings.joint_state()
+            }
+        }
+    }
+
+    pub(super) fn fault(&self, now: Duration) -> Option<control::FaultReport> {
+        match self {
+            Self::Own { .. } => None,
+            Self::Bus { bus, .. } => bus.fault(now),
+        }
+    }
+
+    pub(super) fn write(&mut self, output: &Output, simulator: &mut Simulator, now: Duration) {
+        match self {
+            Self::Own { on_the_way, delay_cycles } => {
+                on_the_way.push_back(output.command);
+                if on_the_way.len() > *delay_cycles
+                    && let Some(command) = on_the_way.pop_front()
+                {
+                    simulator.command(&command);
+                }
+            }
+            Self::Bus { bus, bench, .. } => {
+                bus.write(&output.command, output.drives_on, now);
+                let (q, v) = simulator.joints();
+                bench.answer(now, &q, &v);
+            }
+        }
+    }
+
+    pub(super) fn step(&mut self, simulator: &mut Simulator, now: Duration) {
+        match self {
+            Self::Own { .. } => simulator.step(),
+            Self::Bus { bench, .. } => {
+                let (q, v) = simulator.joints();
+                simulator.step_with_torque(&bench.torques(now, &q, &v));
+            }
+        }
+    }
+}
