@@ -265,23 +265,14 @@ def test_a_standing_robot_weighs_what_it_weighs_and_a_push_moves_it(robot):
     robot.client.node.create_subscription(ParameterEvent, "/parameter_events", events.append, 10)
     publisher = robot.client.node.create_publisher(WrenchStamped, "/faced/push", 10)
     wait_until(lambda: publisher.get_subscription_count() == 1, 20, "push is heard")
-    time.sleep(0.5)  # its side of the match follows
     set_ = robot.service(SetParameters, "sim_bridge/set_parameters")
     moved = {}
     for duration_s in (0.02, 0.1):
-        value = ParameterValue(type=3, double_value=duration_s)
-
-        def set_and_told(value=value):
-            (result,) = robot.client.call(set_, SetParameters.Request(parameters=[Parameter(name="push_duration_s", value=value)])).results
-            assert result.successful, result
-            deadline = time.monotonic() + 2.0
-            told = lambda: any(p.value.double_value == value.double_value for e in list(events) for p in e.changed_parameters)
-            while not told() and time.monotonic() < deadline:
-                time.sleep(0.02)
-            return told()
-
-        # The first event is told before a subscription of this moment is matched by all: then it is set once more.
-        wait_until(set_and_told, 20, "a parameter event")
+        changed = Parameter(name="push_duration_s", value=ParameterValue(type=3, double_value=duration_s))
+        request = SetParameters.Request(parameters=[changed])
+        told = lambda d=duration_s: any(p.value.double_value == d for e in list(events) for p in e.changed_parameters)
+        # The first event may be told before the subscription of this moment is matched: then it is set once more.
+        wait_until(lambda: robot.client.call(set_, request).results[0].successful and told(), 20, "a parameter event")
         push = WrenchStamped()
         push.wrench.force.y = 150.0
         sideways = lambda: max((message.twist.twist.linear.y for message in list(robot.odometry)), default=0.0)

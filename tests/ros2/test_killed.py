@@ -202,8 +202,8 @@ def test_a_second_publisher_of_joint_states_is_a_clock_jump(robot):
     assert seconds(message.header.stamp) > 2.0
     message.header.stamp = Time(sec=1)
 
-    # controller_state counts the controller's own cycles; a change of mode is told at once. The controller's side of the match
-    # follows the publisher's: what is said before that is not heard, and is said again.
+    # controller_state counts the controller's own cycles; a change of mode is told at once. The controller's side of
+    # the match follows the publisher's: what is said before that is not heard, and is said again.
     def said_and_noticed():
         before = robot.states[-1].cycles
         second.publish(message)

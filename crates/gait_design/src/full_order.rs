@@ -1,22 +1,24 @@
-//! The same program without the decomposition: the whole robot's 18 coordinates at every point, a polynomial for each of its twelve
-//! joints, the full-order dynamics (paper eq. 1), the same cost, limits and points. It is there to be compared with
-//! ([`plan_full_order`]). The rear legs are not tied to the front ones by a pairing, so its optimum can only be lower; for the
-//! Vision 60's gaits it costs about half.
+//! The same program without the decomposition: the whole robot's 18 coordinates at every point, a polynomial for each
+//! of its twelve joints, the full-order dynamics (paper eq. 1), the same cost, limits and points. It is there to be
+//! compared with ([`plan_full_order`]). The rear legs are not tied to the front ones by a pairing, so its optimum can
+//! only be lower; for the Vision 60's gaits it costs about half.
 //!
-//! Robots whose rear legs cannot do as the front ones across do ([`Robot::rear_offset_rad`]), with knees that point apart for
-//! example, need it, and three kinds of request. On a sideways slope, and with a torso that leans to a side, a step's mirror image is no step: two steps are planned, each with its own polynomials and
-//! stance toes, joined by q and q̇ at the first switch and closed over the stride. And the reference may be planned inside the
-//! program ([`Reference::InProgram`]): the polynomials are then what the tracking law follows, its torque stands in place of
-//! y = 0, and the joints are where that leads them.
+//! Robots whose rear legs cannot do as the front ones across do ([`Robot::rear_offset_rad`]), with knees that point
+//! apart for example, need it, and three kinds of request. On a sideways slope, and with a torso that leans to a side,
+//! a step's mirror image is no step: two steps are planned, each with its own polynomials and stance toes, joined by q
+//! and q̇ at the first switch and closed over the stride. And the reference may be planned inside the program
+//! ([`Reference::InProgram`]): the polynomials are then what the tracking law follows, its torque stands in place of y
+//! = 0, and the joints are where that leads them.
 //!
-//! Redundant rows are left out as in [`crate::DecomposedProgram`]; without the pairing all six rows of a soft touchdown count.
+//! Redundant rows are left out as in [`crate::DecomposedProgram`]; without the pairing all six rows of a soft touchdown
+//! count.
 
 use crate::program::{DecomposedProgram, Places, ProgramSettings, STANCE_ROLL, Sink, ValuesSink, three};
 use crate::recompose::{self, PlanPoint};
 use crate::request::GaitRequest;
 use crate::{
-    Plan, PlanError, PlanOptions, Planner, Reference, SubproblemSolver, WarmStart, between_points, guess, leg_length_m,
-    not_converged, on_slope, program_with_offset, summary,
+    Plan, PlanError, PlanOptions, Reference, SubproblemSolver, WarmStart, between_points, leg_length_m, not_converged,
+    on_slope, program_with_offset, summary,
 };
 use gait::{Coefficients, JOINTS, SecondStep, bezier};
 use nlp::{Bounds, Evaluation, Iteration, NullSpace, Pattern, Problem, SqpSolver, Status, Workspace};
@@ -64,8 +66,8 @@ mod rows {
     pub const CENTRED: [usize; 2] = [1, 5];
 }
 
-/// Where unknowns and rows lie. Points are counted through both steps: a switch has two, the last of one step and the first of
-/// the next.
+/// Where unknowns and rows lie. Points are counted through both steps: a switch has two, the last of one step and the
+/// first of the next.
 #[derive(Clone, Copy)]
 struct Layout {
     /// 1: a step and its mirror image; 2: a stride.
@@ -158,8 +160,8 @@ pub struct FullOrderProgram {
 }
 
 impl FullOrderProgram {
-    /// Builds the program, with the bounds of the decomposed one: of a stride on a sideways slope, of a step elsewhere. `robot` is
-    /// [`on_slope`]'s; the request has been validated.
+    /// Builds the program, with the bounds of the decomposed one: of a stride on a sideways slope, of a step elsewhere.
+    /// `robot` is [`on_slope`]'s; the request has been validated.
     pub fn new(
         robot: &Robot,
         request: &GaitRequest,
@@ -771,7 +773,8 @@ impl Problem for FullOrderProgram {
     }
 }
 
-/// The program's unknowns for the decomposed program's: the second step, where there is one, is the first one's mirror image.
+/// The program's unknowns for the decomposed program's: the second step, where there is one, is the first one's mirror
+/// image.
 pub(crate) fn recomposed(full: &FullOrderProgram, program: &DecomposedProgram, x: &[f64]) -> Vec<f64> {
     use crate::program::layout as d;
     let layout = full.layout;
@@ -806,10 +809,10 @@ pub(crate) fn recomposed(full: &FullOrderProgram, program: &DecomposedProgram, x
     out
 }
 
-/// Plans by the full-order program from the decomposed program's guess; its subproblems are solved by elimination ([`nlp::NullSpace`]),
-/// or by Clarabel if `options.subproblem` is [`SubproblemSolver::Sparse`]. On a sideways slope both steps
-/// of the stride are planned; there, and with the reference in the program, the start is the decomposed program's solution for
-/// the same request without that slope, if it has one.
+/// Plans by the full-order program from the decomposed program's guess; its subproblems are solved by elimination
+/// ([`nlp::NullSpace`]), or by Clarabel if `options.subproblem` is [`SubproblemSolver::Sparse`]. On a sideways slope
+/// both steps of the stride are planned; there, and with the reference in the program, the start is the decomposed
+/// program's solution for the same request without that slope, if it has one.
 /// What is planned with such a start is checked between the points as well; the others, there to be compared, are not.
 /// `options.warm_start` has no meaning here.
 ///
@@ -825,26 +828,17 @@ pub fn plan_full_order(
     request.validate(leg_length_m(robot))?;
     let level = GaitRequest { sideways_slope_rad: 0.0, torso_pitch_rad: 0.0, torso_roll_rad: 0.0, ..request.clone() };
     let level_robot = &on_slope(robot, &level);
-    let level_options = PlanOptions { subproblem: SubproblemSolver::default(), warm_start: None, ..options.clone() };
     let offset = robot.rear_offset_rad().ok();
     // Of a decomposed program that cannot be, bounds and hips are used alone.
     let mut decomposed = program_with_offset(level_robot, &level, options.program.clone(), offset.unwrap_or_default())?;
     // Where the program differs from the decomposed one by its rear legs only, the two start alike, to be compared.
     let alike = offset.is_some() && request.is_decomposable() && options.reference != Reference::InProgram;
-    let near = if alike || offset.is_none() {
-        None
-    } else {
-        Planner::new(robot).solve(&level, &level_options, |_| ControlFlow::Continue(())).ok().map(|solution| solution.x)
-    };
     let mut program =
         FullOrderProgram::new(&on_slope(robot, request), request, &options.program, &decomposed, options.reference);
-    let mut start = match near {
-        Some(x) => recomposed(&program, &decomposed, &x),
-        None if offset.is_none() => start::of_four_legs(&program, &decomposed, level_robot, &level)?,
-        None => {
-            let x = guess::nominal(level_robot, &mut decomposed, &level)?;
-            recomposed(&program, &decomposed, &x)
-        }
+    let mut start = match (offset, alike) {
+        (None, _) => start::of_four_legs(&program, &decomposed, level_robot, &level)?,
+        (_, true) => start::of_the_guess(&program, &mut decomposed, level_robot, &level)?,
+        _ => start::of_the_plan(&program, &mut decomposed, robot, &level, options)?,
     };
     let robot = &on_slope(robot, request);
     let layout = program.layout;
@@ -911,45 +905,11 @@ pub fn plan_full_order(
 }
 
 impl FullOrderProgram {
-    /// Fills in the second step, where there is one, as the first one's mirror image.
-    fn mirror_second_step(&self, x: &mut [f64]) {
-        let layout = self.layout;
-        if layout.steps == 1 {
-            return;
-        }
-        for k in 0..COEFFICIENTS {
-            for i in 6..DOF {
-                let (from, sign) = self.mirror(i);
-                x[layout.alpha(1, k, i - 6)] = sign * x[layout.alpha(0, k, from - 6)];
-            }
-        }
-        let length_m = self.speed_m_s * x[layout.t()];
-        for p in 0..layout.points {
-            let first: [f64; at::POINT] =
-                x[layout.point(p)..layout.point(p + 1)].try_into().expect("a point's unknowns");
-            let second = &mut x[layout.point(layout.points + p)..layout.point(layout.points + p + 1)];
-            for i in 0..DOF {
-                let (from, sign) = self.mirror(i);
-                for block in [at::Q, at::V, at::A] {
-                    second[block + i] = sign * first[block + from];
-                }
-                if i >= 6 {
-                    second[at::U + i - 6] = sign * first[at::U + from - 6];
-                }
-            }
-            second[at::Q] += length_m;
-            for toe in [0, 3] {
-                for (axis, sign) in [1.0, -1.0, 1.0].into_iter().enumerate() {
-                    second[at::LAMBDA + toe + axis] = sign * first[at::LAMBDA + toe + axis];
-                }
-            }
-        }
-    }
-
     /// Adds the cost of moving the joints otherwise than in `x` (rate), and of holding them elsewhere (position).
     ///
-    /// Without the pairing the cheapest gait is one that lets its nose down as far as it may and falls when it is walked. So the
-    /// program asks for the motion of the level gait about a posture of its own, which is what a slope changes.
+    /// Without the pairing the cheapest gait is one that lets its nose down as far as it may and falls when it is
+    /// walked. So the program asks for the motion of the level gait about a posture of its own, which is what a slope
+    /// changes.
     fn stay_near(&mut self, x: &[f64]) {
         /// 1/rad² and 1/(rad/s)², chosen by walking the plans in MuJoCo (docs/planning.md).
         const WEIGHTS: [(usize, f64); 2] = [(at::Q, 1e-3), (at::V, 0.1)];

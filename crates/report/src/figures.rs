@@ -104,18 +104,16 @@ fn planned_orbit(run: &Run, joint: usize) -> Vec<(f64, f64)> {
 pub fn torque_bars(run: &Run) -> Result<Image, ReportError> {
     run.check()?;
     let settled = run.settled();
-    let word = run.origin.word();
-    let mut groups = vec![(format!("{word}, this run"), run.origin.colour(), mean_absolute_torque_nm(settled))];
-    let paper = table_two(&run.gait.robot, &run.gait.name);
-    if let Some(paper) = paper {
-        groups.push(("paper, MuJoCo".into(), RGBColor(0x8a, 0x93, 0x9d), paper.mujoco_nm));
-        groups.push(("paper, experiment".into(), RGBColor(0xc9, 0xce, 0xd4), paper.experiment_nm));
+    let mut groups =
+        vec![(format!("{}, this run", run.origin.word()), run.origin.colour(), mean_absolute_torque_nm(settled))];
+    if let Some(paper) = table_two(&run.gait.robot, &run.gait.name) {
+        groups.push(("Ma & Ames 2020, MuJoCo".into(), RGBColor(0x8a, 0x93, 0x9d), paper.mujoco_nm));
+        groups.push(("Ma & Ames 2020, experiment".into(), RGBColor(0xc9, 0xce, 0xd4), paper.experiment_nm));
     }
     draw(900, 560, |area| {
         let title = format!("{}: mean absolute torque", run.gait.name);
         let legend: Vec<(&str, RGBColor)> = groups.iter().map(|(name, colour, _)| (name.as_str(), *colour)).collect();
-        let source = if paper.is_some() { "; paper: Ma & Ames 2020, Table II" } else { "" };
-        let note = format!("over all four legs, {:.0} s of walking{source}", span_s(settled));
+        let note = format!("over all four legs, {:.0} s of walking", span_s(settled));
         let plot = heading(area, &title, &note, &legend)?;
         let highest = groups.iter().flat_map(|(_, _, values)| values).fold(0.0_f64, |a, b| a.max(*b));
         let joint_name = |x: &f64| -> String {

@@ -150,7 +150,8 @@ impl Model {
         &self.notes
     }
 
-    /// Moves a frame's origin by `offset_m` in its own axes: from a link's origin to the centre of its shape, for example.
+    /// Moves a frame's origin by `offset_m` in its own axes: from a link's origin to the centre of its shape, for
+    /// example.
     pub fn move_frame(&mut self, frame: FrameId, offset_m: &Vector3<f64>) {
         let frame = &mut self.frames[frame.0];
         frame.translation += frame.rotation * offset_m;

@@ -115,8 +115,16 @@ fn from_urdf(robot: &urdf_rs::Robot, floating: bool) -> Result<Model, ModelError
         let joint = ring.expect("a link that was not met has a joint above it");
         return Err(ModelError::Loop { joint: joint.name.clone(), link: joint.child.link.clone() });
     }
+    let notes = check_inertias(&mut joints[torso.unwrap_or(0)..])?;
+    let mut model = Model::assemble(joints, frames, torso);
+    model.notes = notes;
+    Ok(model)
+}
+
+/// Every moving body has a mass and moments of inertia that a body can have; what was corrected is said.
+fn check_inertias(joints: &mut [Joint]) -> Result<Vec<String>, ModelError> {
     let mut notes = Vec::new();
-    for joint in &mut joints[torso.unwrap_or(0)..] {
+    for joint in joints {
         if joint.inertia.mass_kg == 0.0 {
             return Err(ModelError::MissingInertial { link: joint.link.clone() });
         }
@@ -136,9 +144,7 @@ fn from_urdf(robot: &urdf_rs::Robot, floating: bool) -> Result<Model, ModelError
             ));
         }
     }
-    let mut model = Model::assemble(joints, frames, torso);
-    model.notes = notes;
-    Ok(model)
+    Ok(notes)
 }
 
 /// The chain x, y, z, yaw, pitch, roll without masses.

@@ -203,13 +203,14 @@ impl Robot {
         frame_position(&self.model, &data, hip).z
     }
 
-    /// What is added to the angles of the front leg across, mirrored, to give those of rear legs 1 and 3, rad, in plans that have
-    /// the rear legs do as the front ones across do: 0 for legs alike, else what brings one standing posture to the other.
+    /// What is added to the angles of the front leg across, mirrored, to give those of rear legs 1 and 3, rad, in plans
+    /// that have the rear legs do as the front ones across do: 0 for legs alike, else what brings one standing posture
+    /// to the other.
     ///
     /// # Errors
     ///
-    /// [`RobotError::RearDiffers`] if the same turns move the toes otherwise, as with knees that point to different sides, or
-    /// the limits have nothing in common.
+    /// [`RobotError::RearDiffers`] if the same turns move the toes otherwise, as with knees that point to different
+    /// sides, or the limits have nothing in common.
     pub fn rear_offset_rad(&self) -> Result<[f64; 6], RobotError> {
         rear::offset_rad(self)
     }

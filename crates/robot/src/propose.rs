@@ -38,8 +38,8 @@ pub struct Proposal {
     pub look_at: Vec<String>,
 }
 
-/// A robot.toml for the URDF of a robot with four legs of three joints each; `file` is the URDF's name beside it, `meshes` the
-/// folder that its meshes are looked for from, if that is another.
+/// A robot.toml for the URDF of a robot with four legs of three joints each; `file` is the URDF's name beside it,
+/// `meshes` the folder that its meshes are looked for from, if that is another.
 ///
 /// # Errors
 ///
@@ -94,8 +94,7 @@ fn head(
     look_at: &mut Vec<String>,
 ) -> String {
     let kp = STIFFNESS.map(|of| of * scale_nm);
-    let mut drive = [f64::INFINITY; 3];
-    let mut velocity = [f64::INFINITY; 3];
+    let (mut drive, mut velocity) = ([f64::INFINITY; 3], [f64::INFINITY; 3]);
     for (k, joint) in found.legs.iter().flat_map(|leg| leg.joints.iter().enumerate()) {
         let Some(limit) = description.joint(joint).map(|joint| &joint.limit) else { continue };
         if limit.effort > 0.0 && limit.effort < MOST_TORQUE * scale_nm {

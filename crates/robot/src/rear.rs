@@ -10,8 +10,8 @@ const ACROSS: [[usize; 2]; 2] = [[1, 2], [3, 0]];
 const TURN_RAD: f64 = 0.3;
 /// How far a rear toe may move otherwise than the front one: a share of the front one's way.
 const MOTION_SHARE: f64 = 0.15;
-/// How much higher a rear toe may be than the front one at the same angles, as a share of the nominal height, for the two to be
-/// legs alike.
+/// How much higher a rear toe may be than the front one at the same angles, as a share of the nominal height, for the
+/// two to be legs alike.
 const ALIKE_SHARE: f64 = 0.005;
 
 /// How far a rear leg's standing angles may be from its front leg's: beyond it the knee bends to the other side, rad.
@@ -34,8 +34,8 @@ fn image(robot: &Robot, joints_rad: &[f64; 3]) -> [f64; 3] {
     std::array::from_fn(|k| robot.mirror.joint_sign[k] * joints_rad[k])
 }
 
-/// None where the same angles put the toe at the same height; else what brings one standing posture to the other: shanks
-/// that are bent, for example, to the back in front and to the front behind.
+/// None where the same angles put the toe at the same height; else what brings one standing posture to the other:
+/// shanks that are bent, for example, to the back in front and to the front behind.
 fn leg_offset(robot: &Robot, rear: usize, front: usize) -> [f64; 3] {
     let stand = robot.legs[front].stand_rad;
     let as_front = image(robot, &stand);

@@ -215,7 +215,8 @@ fn with_rear(change: impl Fn(&str) -> String) -> String {
     urdf
 }
 
-/// Rear knees whose zero is 0.6 rad from the front ones', as where the shank is bent: the origin of the knee's joint is turned.
+/// Rear knees whose zero is 0.6 rad from the front ones', as where the shank is bent: the origin of the knee's joint is
+/// turned.
 fn rear_knees_turned_by(angle_rad: f64) -> (String, String) {
     let urdf = with_rear(|leg| {
         let at = leg.find("_knee\" type=").expect("the knee");

@@ -1,16 +1,44 @@
 //! A start for a robot whose rear legs cannot do as the front ones do: all four legs by inverse kinematics, as
 //! [`crate::guess::nominal`] places the front ones.
 
-use super::{COEFFICIENTS, DOF, FullOrderProgram, STANCE, at};
-use crate::guess::{Unreachable, glide};
+use super::{COEFFICIENTS, DOF, FullOrderProgram, STANCE, at, recomposed};
+use crate::guess::{self, Unreachable, glide};
 use crate::program::DecomposedProgram;
 use crate::request::GaitRequest;
+use crate::{PlanOptions, Planner, SubproblemSolver, on_slope};
 use gait::{JOINTS, bezier};
 use nalgebra::{DMatrix, Vector3};
 use rigid_body::{Data, point_kinematics, rnea};
 use robot::Robot;
+use std::ops::ControlFlow;
 
-/// The unknowns to start from. `robot` is on the slope; `decomposed` knows where the hips are.
+/// The decomposed program's own guess. `robot` is on the slope.
+pub(super) fn of_the_guess(
+    program: &FullOrderProgram,
+    decomposed: &mut DecomposedProgram,
+    robot: &Robot,
+    level: &GaitRequest,
+) -> Result<Vec<f64>, Unreachable> {
+    let x = guess::nominal(robot, decomposed, level)?;
+    Ok(recomposed(program, decomposed, &x))
+}
+
+/// The decomposed program's plan on level ground, or its guess where there is none.
+pub(super) fn of_the_plan(
+    program: &FullOrderProgram,
+    decomposed: &mut DecomposedProgram,
+    robot: &Robot,
+    level: &GaitRequest,
+    options: &PlanOptions,
+) -> Result<Vec<f64>, Unreachable> {
+    let options = PlanOptions { subproblem: SubproblemSolver::default(), warm_start: None, ..options.clone() };
+    match Planner::new(robot).solve(level, &options, |_| ControlFlow::Continue(())) {
+        Ok(solution) => Ok(recomposed(program, decomposed, &solution.x)),
+        Err(_) => of_the_guess(program, decomposed, &on_slope(robot, level), level),
+    }
+}
+
+/// All four legs by inverse kinematics. `robot` is on the slope; `decomposed` knows where the hips are.
 pub(super) fn of_four_legs(
     program: &FullOrderProgram,
     decomposed: &DecomposedProgram,
@@ -110,4 +138,41 @@ fn inverse_kinematics(
         }
     }
     None
+}
+
+impl FullOrderProgram {
+    /// Fills in the second step, where there is one, as the first one's mirror image.
+    pub(super) fn mirror_second_step(&self, x: &mut [f64]) {
+        let layout = self.layout;
+        if layout.steps == 1 {
+            return;
+        }
+        for k in 0..COEFFICIENTS {
+            for i in 6..DOF {
+                let (from, sign) = self.mirror(i);
+                x[layout.alpha(1, k, i - 6)] = sign * x[layout.alpha(0, k, from - 6)];
+            }
+        }
+        let length_m = self.speed_m_s * x[layout.t()];
+        for p in 0..layout.points {
+            let first: [f64; at::POINT] =
+                x[layout.point(p)..layout.point(p + 1)].try_into().expect("a point's unknowns");
+            let second = &mut x[layout.point(layout.points + p)..layout.point(layout.points + p + 1)];
+            for i in 0..DOF {
+                let (from, sign) = self.mirror(i);
+                for block in [at::Q, at::V, at::A] {
+                    second[block + i] = sign * first[block + from];
+                }
+                if i >= 6 {
+                    second[at::U + i - 6] = sign * first[at::U + from - 6];
+                }
+            }
+            second[at::Q] += length_m;
+            for toe in [0, 3] {
+                for (axis, sign) in [1.0, -1.0, 1.0].into_iter().enumerate() {
+                    second[at::LAMBDA + toe + axis] = sign * first[at::LAMBDA + toe + axis];
+                }
+            }
+        }
+    }
 }

@@ -212,8 +212,8 @@ impl<'a> Writer<'a> {
         }
     }
 
-    /// A toe is a ball with robot.toml's radius: where the URDF has its only one, else about the toe link's origin. The number of
-    /// the URDF's among the shapes that touch.
+    /// A toe is a ball with robot.toml's radius: where the URDF has its only one, else about the toe link's origin. The
+    /// number of the URDF's among the shapes that touch.
     fn toe(&mut self, link: &'a Link) -> Option<usize> {
         let radius_m = self.of.toe_radius_m;
         let ball = self.of.toe_ball(link);
@@ -335,8 +335,7 @@ pub(super) fn mjcf(of: &Robot, options: &SimulatorOptions, meshes: Meshes) -> Re
         merged: HashMap::new(),
     };
     writer.find_merged(root);
-    let torso = writer.merged.get(root).copied();
-    writer.link(root, true, torso.as_ref(), true)?;
+    writer.link(root, true, writer.merged.get(root).copied().as_ref(), true)?;
     let mut notes: Vec<String> = writer.note_of_toes().into_iter().collect();
     let Writer { text: bodies, joints_met, meshes, .. } = writer;
     if let Some(missing) = joint_names.iter().find(|n| !joints_met.contains(n.as_str())) {
