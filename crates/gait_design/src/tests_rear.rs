@@ -65,7 +65,10 @@ fn knees_that_point_apart_are_planned_by_the_full_order_program() {
         |knee| swap(knee, "lower=\"0\" upper=\"3.14159265\"", "lower=\"-3.14159265\" upper=\"0\""),
     );
     let request = GaitRequest::named("amble", &robot).unwrap();
-    let plan = plan(&robot, &request, &PlanOptions::default(), go_on).unwrap();
+    // Between 11 points the simulated step is 3 mrad off the planned joints.
+    let mut options = PlanOptions::default();
+    options.program.points = 21;
+    let plan = plan(&robot, &request, &options, go_on).unwrap();
     keeps_its_limits(&robot, &request, &plan);
     let step = simulate_planned_step(&robot, &plan.gait, &plan.points, StepLaw::Linearising).unwrap();
     assert!(step.follows_plan(), "{step:?}");

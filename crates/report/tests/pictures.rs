@@ -19,7 +19,7 @@ fn gait() -> Gait {
     let rows: Vec<[f64; 6]> = (0..12).map(|j| row(j / 3, j % 3)).collect();
     let names: Vec<String> = (0..12).map(|j| format!("joint_{j}")).collect();
     let text = serde_json::json!({
-        "format": "tandem-gait", "version": 1, "robot": "test", "name": "gait1", "joint_names": names,
+        "format": "tandem-gait", "version": 1, "robot": "vision60", "name": "gait1", "joint_names": names,
         "step_duration_s": 0.4, "step_length_m": 0.1, "bezier_degree": 5, "coefficients_rad": rows,
         "mirror": { "leg": [2, 3, 0, 1], "sign": [-1, 1, 1] },
         "initial": {
