@@ -123,10 +123,10 @@ pub fn run(arguments: &Arguments) -> Result<ExitCode> {
         }
     }
     let (sent, lost, time_to_arrive) = (player.sent, player.lost, player.time_to_arrive());
-    drop(player);
     let told = say!("{sent} messages sent{}", if lost > 0 { format!(", {lost} lost") } else { String::new() });
-    // The last messages may still be on their way, or asked for again.
+    // The last messages may still be on their way, or asked for again: their publishers stay.
     rest(&node, time_to_arrive);
+    drop(player);
     node.shutdown();
     told?;
     Ok(if lost == 0 { ExitCode::SUCCESS } else { ExitCode::FAILURE })
