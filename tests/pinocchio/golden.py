@@ -25,20 +25,19 @@ ANYMAL = ([f"{leg}_{joint}" for leg in ("LF", "LH", "RF", "RH") for joint in ("H
           [f"{leg}_FOOT" for leg in ("LF", "LH", "RF", "RH")])
 SOLO = ([f"{leg}_{joint}" for leg in ("FL", "HL", "FR", "HR") for joint in ("HAA", "HFE", "KFE")],
         [f"{leg}_FOOT" for leg in ("FL", "HL", "FR", "HR")])
-# URDF, joints and toe links in this project's order of legs, signs of a leg's joints under the left-right mirror, and
-# how far the published numbers are from symmetric (relative).
+# URDF, joints and toe links in this project's order of legs.
 ROBOTS = {
     "vision60": (VISION60, [f"{leg}_{joint}" for leg in ("front_left", "rear_left", "front_right", "rear_right")
                             for joint in ("hip_roll", "hip_pitch", "knee")],
-                 [f"{leg}_toe" for leg in ("front_left", "rear_left", "front_right", "rear_right")], [-1, 1, 1], 1e-9),
-    "go2": ("go2_description/urdf/go2.urdf", *UNITREE, [-1, 1, 1], 0.05),
-    "a1": ("a1_description/urdf/a1.urdf", *UNITREE, [-1, 1, 1], 0.05),
-    "solo12": ("solo_description/robots/solo12.urdf", *SOLO, [-1, 1, 1], 0.05),
+                 [f"{leg}_toe" for leg in ("front_left", "rear_left", "front_right", "rear_right")]),
+    "go2": ("go2_description/urdf/go2.urdf", *UNITREE),
+    "a1": ("a1_description/urdf/a1.urdf", *UNITREE),
+    "solo12": ("solo_description/robots/solo12.urdf", *SOLO),
     "hyq": ("hyq_description/robots/hyq_no_sensors.urdf",
             [f"{leg}_{joint}_joint" for leg in ("lf", "lh", "rf", "rh") for joint in ("haa", "hfe", "kfe")],
-            [f"{leg}_foot" for leg in ("lf", "lh", "rf", "rh")], [1, 1, 1], 0.05),
-    "anymal_b": ("anymal_b_simple_description/robots/anymal.urdf", *ANYMAL, [-1, 1, 1], 0.05),
-    "anymal_c": ("anymal_c_simple_description/urdf/anymal.urdf", *ANYMAL, [-1, 1, 1], 0.05),
+            [f"{leg}_foot" for leg in ("lf", "lh", "rf", "rh")]),
+    "anymal_b": ("anymal_b_simple_description/robots/anymal.urdf", *ANYMAL),
+    "anymal_c": ("anymal_c_simple_description/urdf/anymal.urdf", *ANYMAL),
 }
 
 
@@ -69,9 +68,9 @@ def main():
     arguments.add_argument("robot", choices=ROBOTS)
     arguments.add_argument("states", type=int)
     arguments.add_argument("out")
-    arguments.add_argument("--folder")
+    arguments.add_argument("--urdf", help="where the robot's URDF is written to, without shapes")
     arguments = arguments.parse_args()
-    path, joints, toes, mirror_sign, tolerance = ROBOTS[arguments.robot]
+    path, joints, toes = ROBOTS[arguments.robot]
     urdf = open(os.path.join(DATA, path)).read()
     model = pin.buildModelFromXML(with_base(urdf))
     data = model.createData()
@@ -125,50 +124,14 @@ def main():
     with open(arguments.out, "w") as out:
         json.dump(golden, out, indent=None, separators=(",", ":"))
         out.write("\n")
-    if arguments.folder:
-        write_folder(arguments.folder, arguments.robot, urdf, joints, toes, mirror_sign, tolerance)
+    if arguments.urdf:
+        with open(arguments.urdf, "w") as out:
+            out.write(without_shapes(urdf))
 
 
-def write_folder(folder, name, urdf, joints, toes, mirror_sign, tolerance):
-    os.makedirs(folder, exist_ok=True)
-    # Shapes are of no concern here, and some name files outside the folder.
-    urdf = re.sub(r"<(visual|collision)\b.*?</\1>", "", urdf, flags=re.DOTALL)
-    with open(os.path.join(folder, name + ".urdf"), "w") as out:
-        out.write(urdf)
-    triple = lambda x: f"[{x}, {x}, {x}]"
-    legs = ""
-    for leg, leg_name in enumerate(("front_left", "rear_left", "front_right", "rear_right")):
-        legs += f"""
-[[legs]]
-name = "{leg_name}"
-joints = {json.dumps(joints[3 * leg:3 * leg + 3])}
-toe_link = "{toes[leg]}"
-position_min_rad = {triple(-3.1)}
-position_max_rad = {triple(3.1)}
-stand_rad = [0.0, 0.8, -1.5]
-sit_rad = [0.0, 1.2, -2.5]
-"""
-    with open(os.path.join(folder, "robot.toml"), "w") as out:
-        out.write(f"""format = "tandem-robot"
-version = 1
-name = "{name}"
-urdf = "{name}.urdf"
-toe_radius_m = 0.02
-[mirror]
-leg = [2, 3, 0, 1]
-joint_sign = {mirror_sign}
-tolerance = {tolerance}
-[nominal]
-height_m = 0.3
-half_width_m = 0.1
-[gains]
-kp_nm_per_rad = {triple(100.0)}
-kd_nm_s_per_rad = {triple(2.0)}
-[limits]
-plan_torque_nm = {triple(30.0)}
-drive_torque_nm = {triple(40.0)}
-velocity_rad_s = {triple(20.0)}
-{legs}""")
+def without_shapes(urdf):
+    """Shapes are of no concern here: some name files elsewhere, and a ball would move the toe's frame to its centre."""
+    return re.sub(r"<(visual|collision)\b.*?</\1>", "", urdf, flags=re.DOTALL)
 
 
 main()
