@@ -284,9 +284,11 @@ impl Player<'_> {
             if Instant::now() >= self.next_tick {
                 self.next_tick = Instant::now() + TICK;
                 if let Some(clock) = &self.clock {
+                    // Never later than a message that is still to come, though this program runs late.
+                    let told_ns = now_ns.min(stamp_ns);
                     let time = Time {
-                        sec: (now_ns / 1_000_000_000).try_into().unwrap_or(i32::MAX),
-                        nanosec: (now_ns % 1_000_000_000) as u32,
+                        sec: (told_ns / 1_000_000_000).try_into().unwrap_or(i32::MAX),
+                        nanosec: (told_ns % 1_000_000_000) as u32,
                     };
                     clock.publish(Clock { clock: time })?;
                 }
