@@ -6,12 +6,14 @@ TANDEM_STOP_TRIES=50 presses fifty times for each delay; a run of all tests pres
 import ctypes
 import os
 import pathlib
+import pty
 import signal
 import statistics
+import subprocess
 import time
 
 import pytest
-from conftest import Client, wait_until
+from conftest import ROOT, Client, wait_until
 
 NAMESPACE = "/stopped"
 TRIES = int(os.environ.get("TANDEM_STOP_TRIES", "5"))
@@ -166,6 +168,45 @@ def test_a_fall_after_the_stop_is_no_encoder_fault(robot):
     robot.press.publish(Bool(data=False))
     time.sleep(0.1)
     robot.walk()
+
+
+def test_the_stop_button_stops_by_its_key_and_releases_by_another(robot):
+    """tandem stop-button in a terminal: space presses, r releases, q leaves in order."""
+    terminal, its_side = pty.openpty()
+    command = [ROOT / "target/release/tandem", "stop-button", "--ros-args", "-r", f"__ns:={NAMESPACE}"]
+    button = subprocess.Popen(command, stdin=its_side, stdout=its_side, stderr=subprocess.PIPE, cwd=ROOT)
+    os.close(its_side)
+    try:
+        wait_until(lambda: robot.client.node.count_publishers(f"{NAMESPACE}/emergency_stop") == 3, 20, "the button's publisher")
+        time.sleep(1.0)  # and it is matched
+        if robot.state().mode != "walking":
+            robot.walk()
+        began = time.monotonic()
+        os.write(terminal, b" ")
+        robot.wait_for("damping", seconds=5)
+        took = time.monotonic() - began
+        assert robot.state().fault == "emergency_stop"
+        # A level that is kept: nobody else's false takes it back.
+        from std_msgs.msg import Bool
+        from std_srvs.srv import Trigger
+
+        robot.release.publish(Bool(data=False))
+        time.sleep(0.2)
+        refused = robot.call(Trigger, "stand", Trigger.Request())
+        assert not refused.success and "stop" in refused.message, refused
+        os.write(terminal, b"r")
+        time.sleep(0.2)
+        robot.walk()
+        os.write(terminal, b"q")
+        assert button.wait(5) == 0, button.stderr.read()
+        said = button.stderr.read().decode()
+        assert "gone" in said, said
+        print(f"damped {1e3 * took:.0f} ms after the key")
+        time.sleep(0.2)
+        assert robot.state().mode == "walking", "no heartbeat is asked for, so its end is none"
+    finally:
+        button.kill()
+        os.close(terminal)
 
 
 def test_sigcont_harms_nobody(robot):

@@ -9,7 +9,7 @@ use crate::progress::Progress;
 use crate::robots::{self, RobotArguments};
 use anyhow::{Context, Result};
 use joint_bus::can::CanLink;
-use joint_bus::{BusConfig, DriveBus};
+use joint_bus::{BusConfig, CanLock, CanLockError, DriveBus};
 use realtime::{Periodic, RealtimeRequest, monotonic_now};
 use std::path::PathBuf;
 use std::process::ExitCode;
@@ -19,10 +19,10 @@ use tandem_sim_bridge::drives::Speech;
 
 /// Check this machine and the robot on its buses, before anything is armed
 ///
-/// Wiring file, interfaces, bit rates, every drive and its encoder, temperatures, real-time rights, the loop's punctuality,
-/// clocks, versions. Each failure comes with what to do. Drives are only asked where they are: they stay at rest, nothing is
-/// armed and nothing moves. First it listens: where another program already speaks to the drives, it says nothing to them.
-/// Ends with an error code if anything failed; warnings are no failure.
+/// Wiring file, interfaces, bit rates, every drive and its encoder, temperatures, real-time rights, the loop's
+/// punctuality, clocks, versions. Each failure comes with what to do. Drives are only asked where they are: they stay
+/// at rest, nothing is armed and nothing moves. First it listens: where another program already speaks to the drives,
+/// it says nothing to them. Ends with an error code if anything failed; warnings are no failure.
 ///
 ///   tandem doctor --bus config/hardware/vision60_can.toml
 #[derive(clap::Args)]
@@ -159,44 +159,13 @@ fn examine(arguments: &Arguments) -> Result<Vec<Finding>> {
         findings.extend(found);
     }
 
-    // Rights are asked for on a thread of its own, as in the controller.
-    let request = RealtimeRequest { priority: Some(arguments.priority), ..RealtimeRequest::default() };
-    let cycles = (arguments.seconds * 1e3).ceil() as u32;
-    let protocol = Speech::of(&bus);
-    let links = bus.interfaces.iter().map(|name| CanLink::open(name)).collect::<Result<Vec<_>, _>>();
-    let looked = std::thread::scope(|scope| {
-        scope
-            .spawn(|| {
-                let refused = request.apply();
-                let mut periodic = Periodic::new(Duration::from_millis(1));
-                let mut pace = machine::Pace::default();
-                let mut wait = || {
-                    pace.record(&periodic.wait());
-                    monotonic_now()
-                };
-                let seen = match links {
-                    Ok(links) => {
-                        let mut drives = DriveBus::new(bus.clone(), protocol, links);
-                        Some(drives::ask(&mut drives, cycles, &mut wait))
-                    }
-                    // The interfaces' findings say what is wrong with them; the loop's pace is measured all the same.
-                    Err(_) => {
-                        for _ in 0..cycles {
-                            wait();
-                        }
-                        None
-                    }
-                };
-                (refused, pace, seen)
-            })
-            .join()
-    });
-    let (refused, pace, seen) = looked.map_err(|_| anyhow::anyhow!("the thread that asks the drives panicked"))?;
+    let Looked { refused, pace, seen } = look(arguments, &bus)?;
     findings.extend(machine::rights(&refused, arguments.priority));
     findings.push(pace.finding());
-    findings.extend(match &seen {
-        Some(seen) => drives::findings(seen, &bus, &config),
-        None => bus
+    let asked = matches!(seen, Ok(Some(_)));
+    findings.extend(match seen {
+        Ok(Some(seen)) => drives::findings(&seen, &bus, &config),
+        Ok(None) => bus
             .joints
             .iter()
             .map(|joint| {
@@ -207,14 +176,66 @@ fn examine(arguments: &Arguments) -> Result<Vec<Finding>> {
                 )
             })
             .collect(),
+        Err(error) => vec![failure(
+            format!("{error}: the drives were not asked"),
+            "the robot must be disarmed, sitting or hung up, and nothing else must speak to its drives; then look again",
+        )],
     });
-    if !all_up && seen.is_some() {
+    if !all_up && asked {
         findings.push(warning(
             "what the drives say was heard on interfaces that are not as they should be",
             "mend the interfaces first, then look again",
         ));
     }
     Ok(findings)
+}
+
+/// What was seen of the machine and of the drives.
+struct Looked {
+    refused: Vec<realtime::Warning>,
+    pace: machine::Pace,
+    /// None where an interface cannot be opened, which its own findings explain; an error where a controller is its
+    /// master.
+    seen: Result<Option<drives::Seen>, CanLockError>,
+}
+
+/// Asks the drives where they are, on a thread with the rights of a controller's. As their master for that time: a
+/// controller that is one keeps them to itself, and none becomes it meanwhile.
+fn look(arguments: &Arguments, bus: &BusConfig) -> Result<Looked> {
+    let request = RealtimeRequest { priority: Some(arguments.priority), ..RealtimeRequest::default() };
+    let cycles = (arguments.seconds * 1e3).ceil() as u32;
+    let locks = bus.interfaces.iter().map(|name| CanLock::take(name)).collect::<Result<Vec<_>, _>>();
+    let links = locks.map(|locks| {
+        let links = bus.interfaces.iter().map(|name| CanLink::open(name)).collect::<Result<Vec<_>, _>>();
+        links.ok().map(|links| (links, locks))
+    });
+    let looked = std::thread::scope(|scope| {
+        scope
+            .spawn(|| {
+                let refused = request.apply();
+                let mut periodic = Periodic::new(Duration::from_millis(1));
+                let mut pace = machine::Pace::default();
+                let mut wait = || {
+                    pace.record(&periodic.wait());
+                    monotonic_now()
+                };
+                let seen = links.map(|ours| {
+                    let Some((links, _locks)) = ours else {
+                        return None;
+                    };
+                    Some(drives::ask(&mut DriveBus::new(bus.clone(), Speech::of(bus), links), cycles, &mut wait))
+                });
+                // The loop's pace is measured all the same.
+                if !matches!(seen, Ok(Some(_))) {
+                    for _ in 0..cycles {
+                        wait();
+                    }
+                }
+                Looked { refused, pace, seen }
+            })
+            .join()
+    });
+    looked.map_err(|_| anyhow::anyhow!("the thread that asks the drives panicked"))
 }
 
 #[cfg(test)]
@@ -245,5 +266,28 @@ mod tests {
         assert!(failed("front_left_hip_roll (drive 1 on nocan0): not asked"), "{findings:?}");
         assert!(findings.iter().all(|finding| finding.verdict == Verdict::Good || !finding.cure.is_empty()));
         assert!(findings.iter().any(|finding| finding.what.contains("Linux")), "{findings:?}");
+    }
+
+    #[test]
+    fn where_a_controller_is_master_of_an_interface_no_drive_is_asked() {
+        let folder = concat!(env!("CARGO_MANIFEST_DIR"), "/../../config");
+        let text = std::fs::read_to_string(format!("{folder}/hardware/vision60_can.toml")).unwrap();
+        let file = tempfile::NamedTempFile::new().unwrap();
+        std::fs::write(file.path(), text.replace("\"can", "\"mastered")).unwrap();
+        let line = ["doctor", "--seconds", "0.1", "--bus", file.path().to_str().unwrap()];
+        let master = CanLock::take("mastered2").unwrap();
+        let refused = |findings: &[Finding]| {
+            findings.iter().any(|finding| {
+                finding.verdict == Verdict::Failure
+                    && finding.what.contains("mastered2 has a master already")
+                    && finding.what.contains("the drives were not asked")
+                    && finding.cure.contains("disarmed")
+            })
+        };
+        let findings = examine(&Line::parse_from(line).arguments).unwrap();
+        assert!(refused(&findings), "{findings:?}");
+        drop(master);
+        let findings = examine(&Line::parse_from(line).arguments).unwrap();
+        assert!(!refused(&findings), "{findings:?}");
     }
 }

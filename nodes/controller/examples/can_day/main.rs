@@ -1,21 +1,26 @@
-//! A day of the shipped programs on a kernel's CAN, as `tests/can/run` runs it in a virtual machine with the virtual interfaces
-//! `can0` to `can3`: planner, controller (`backend:=can`, the shipped wiring file) and the simulation bridge with emulated
-//! drives (`--can`) are processes of their own, and this is their client. Nothing but the buses joins controller and drives.
+//! A day of the shipped programs on a kernel's CAN, as `tests/can/run` runs it in a virtual machine with the virtual
+//! interfaces
+//! `can0` to `can3`: planner, controller (`backend:=can`, the shipped wiring file) and the simulation bridge with
+//! emulated drives (`--can`) are processes of their own, and this is their client. Nothing but the buses joins
+//! controller and drives.
 //!
-//!     can_day FOLDER_OF_PROGRAMS SECONDS [long]
+//!     can_day FOLDER_OF_PROGRAMS SECONDS SECOND_CONTROLLERS [long]
 //!
-//! Doctor, plan, arm, stand up, walk SECONDS; then the planner dies, the wall clock jumps, the bus reports an error, goes off,
-//! an interface goes down, and the controller hangs. A long day goes on: the controller comes back, dies and comes back again, and
-//! the robot dies. Each has a bound on the time until the robot is safe, as a client sees it over DDS; 1 ms is a control cycle.
-//! Any failure ends it with exit status 1.
+//! Doctor, plan, arm, stand up, walk SECONDS; then second controllers are started, the planner dies, the wall clock
+//! jumps, the bus reports an error, goes off, an interface goes down, and the controller hangs. A long day goes on: the
+//! controller comes back, dies and comes back again, and the robot dies. Each has a bound on the time until the robot
+//! is safe, as a client sees it over DDS; 1 ms is a control cycle. Any failure ends it with exit status 1.
+
+mod program;
 
 use control::JOINTS;
 use joint_bus::DriveModel;
 use joint_bus::can::send_error_frame;
+use program::Program;
 use realtime::monotonic_now;
 use ros::{Arguments, Client, Node, Qos};
 use std::collections::VecDeque;
-use std::process::{Child, Command};
+use std::process::Command;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::Duration;
 use tandem_msgs::nav_msgs::Odometry;
@@ -52,56 +57,6 @@ fn main() {
     println!("can_day: passed");
 }
 
-/// A program that does not outlive this one.
-struct Program(Child);
-
-impl Program {
-    fn start(folder: &str, name: &str, arguments: &[&str]) -> Result<Self, Failure> {
-        Ok(Self(Command::new(format!("{folder}/{name}")).args(arguments).spawn().map_err(|e| format!("{name}: {e}"))?))
-    }
-
-    fn signal(&self, signal: i32) -> Result<(), Failure> {
-        // Not by a program `kill`, whose start takes as long as the drives' watchdog.
-        // SAFETY: a plain system call; the number is that of a child that has not been waited for.
-        if unsafe { libc::kill(self.0.id() as i32, signal) } != 0 {
-            return Err(format!("kill {signal}: {}", std::io::Error::last_os_error()).into());
-        }
-        Ok(())
-    }
-
-    fn kill(&mut self) -> Result<(), Failure> {
-        self.0.kill()?;
-        self.0.wait()?;
-        Ok(())
-    }
-
-    fn wait(&mut self, patience: Duration) -> Result<std::process::ExitStatus, Failure> {
-        let deadline = monotonic_now() + patience;
-        loop {
-            match self.0.try_wait()? {
-                Some(status) => return Ok(status),
-                None if monotonic_now() > deadline => return Err(format!("it did not end within {patience:?}").into()),
-                None => std::thread::sleep(5 * MS),
-            }
-        }
-    }
-
-    fn check(&mut self, name: &str) -> Result<(), Failure> {
-        match self.0.try_wait()? {
-            None => Ok(()),
-            Some(status) => Err(format!("{name} has ended: {status}").into()),
-        }
-    }
-}
-
-impl Drop for Program {
-    fn drop(&mut self) {
-        // Already ended is as good.
-        let _ = self.0.kill();
-        let _ = self.0.wait();
-    }
-}
-
 /// What was heard.
 #[derive(Default)]
 struct Heard {
@@ -134,7 +89,8 @@ struct Day {
 /// Services of the controller, and the simulation's own.
 const TRIGGERS: [&str; 5] = ["arm", "disarm", "stand", "walk", "/sim/reset"];
 /// Stood up faster than a real robot would be, because a second here takes many on the machine that plays it.
-/// Topics are told of less often than every millisecond for the same reason: the machine has one processor for everything.
+/// Topics are told of less often than every millisecond for the same reason: the machine has one processor for
+/// everything.
 const CONTROLLER: [&str; 9] = [
     "--ros-args",
     "-p",
@@ -170,17 +126,22 @@ fn doctor(folder: &str) -> Result<(bool, String), Failure> {
     Ok((output.status.success(), text))
 }
 
-fn run() -> Result<(), Failure> {
+/// Folder, seconds, second controllers, whether the day is long.
+fn arguments() -> Result<(String, f64, u32, bool), Failure> {
     let arguments: Vec<String> = std::env::args().skip(1).collect();
-    let (folder, seconds, long) = match arguments.as_slice() {
-        [folder, seconds] => (folder, seconds, false),
-        [folder, seconds, long] if long == "long" => (folder, seconds, true),
-        _ => return Err("usage: can_day FOLDER_OF_PROGRAMS SECONDS [long]".into()),
+    let (folder, seconds, second, long) = match arguments.as_slice() {
+        [folder, seconds, second] => (folder, seconds, second, false),
+        [folder, seconds, second, long] if long == "long" => (folder, seconds, second, true),
+        _ => return Err("usage: can_day FOLDER_OF_PROGRAMS SECONDS SECOND_CONTROLLERS [long]".into()),
     };
-    let seconds: f64 = seconds.parse()?;
+    Ok((folder.clone(), seconds.parse()?, second.parse()?, long))
+}
+
+fn run() -> Result<(), Failure> {
+    let (folder, seconds, second, long) = arguments()?;
 
     // No robot: every drive is missed by its name.
-    let (healthy, text) = doctor(folder)?;
+    let (healthy, text) = doctor(&folder)?;
     if healthy || !text.contains("front_left_hip_roll") {
         return Err(format!("the doctor finds no fault with a robot that is not there:\n{text}").into());
     }
@@ -214,9 +175,9 @@ fn run() -> Result<(), Failure> {
         lock(&to).factors.push(factor.data);
     })?;
 
-    let bridge = Program::start(folder, "tandem_sim_bridge", &BRIDGE)?;
+    let bridge = Program::start(&folder, "tandem_sim_bridge", &BRIDGE)?;
     wait(&heard, Duration::from_secs(20), "the simulation's joint states", |heard| !heard.joints.is_empty())?;
-    let (healthy, text) = doctor(folder)?;
+    let (healthy, text) = doctor(&folder)?;
     for line in text.lines() {
         println!("can_day: {line}");
     }
@@ -226,8 +187,8 @@ fn run() -> Result<(), Failure> {
 
     let day = Day {
         folder: folder.clone(),
-        planner: Program::start(folder, "tandem_planner", &[])?,
-        controller: Program::start(folder, "tandem_controller", &CONTROLLER)?,
+        planner: Program::start(&folder, "tandem_planner", &[])?,
+        controller: Program::start(&folder, "tandem_controller", &CONTROLLER)?,
         bridge,
         heard,
         generate: node.client("generate_gait")?,
@@ -236,7 +197,7 @@ fn run() -> Result<(), Failure> {
         triggers: TRIGGERS.iter().map(|service| node.client(service)).collect::<Result<_, _>>()?,
     };
     let heard = Arc::clone(&day.heard);
-    let result = day.run(seconds, long);
+    let result = day.run(seconds, second, long);
     node.shutdown();
     println!("can_day: simulated over wall time, second by second: {:.2?}", lock(&heard).factors);
     result
@@ -354,7 +315,8 @@ impl Day {
         Ok(())
     }
 
-    /// The simulation's time now. States take up to 15 ms to get here; the one of the last 0.2 s that was here soonest tells best.
+    /// The simulation's time now. States take up to 15 ms to get here; the one of the last 0.2 s that was here soonest
+    /// tells best.
     fn simulated_ns(&self) -> Result<i64, Failure> {
         let heard = lock(&self.heard);
         let now = monotonic_now();
@@ -411,9 +373,9 @@ impl Day {
             "drives at rest under a controller that has come back",
             |heard| heard.joints.back().is_some_and(|(_, state)| state.effort.iter().all(|torque| *torque == 0.0)),
         )?;
-        let json = include_str!("../../sim_bridge/tests/data/amble.json");
-        // The one before has ended without a word and is taken for present for a while; a request that only it was there for gets no
-        // answer.
+        let json = include_str!("../../../sim_bridge/tests/data/amble.json");
+        // The one before has ended without a word and is taken for present for a while; a request that only it was
+        // there for gets no answer.
         let deadline = monotonic_now() + PATIENCE;
         let loaded = loop {
             match self.load.call(LoadGaitRequest { json: json.into() }, Duration::from_secs(2)) {
@@ -428,7 +390,23 @@ impl Day {
         Ok(())
     }
 
-    fn run(mut self, seconds: f64, long: bool) -> Result<(), Failure> {
+    /// Started by mistake, with other names, so that nothing but the buses could tell it: it says whose they are and
+    /// ends, and the robot walks on.
+    fn second_controllers(&mut self, times: u32) -> Result<(), Failure> {
+        let arguments = [&CONTROLLER[..], &["-r", "__ns:=/second"]].concat();
+        let master = format!("can0 has a master already, process {}", self.controller.id());
+        for _ in 0..times {
+            let (status, said) = Program::run(&self.folder, "tandem_controller", &arguments, PATIENCE)?;
+            if status.success() || !said.contains(&master) {
+                return Err(format!("a second controller ends with {status}, expected '{master}':\n{said}").into());
+            }
+            self.walks_on(0.1, "a second controller")?;
+        }
+        println!("can_day: {times} second controllers are refused, each with '{master}': walked on");
+        Ok(())
+    }
+
+    fn plan(&self) -> Result<(), Failure> {
         let request = GenerateGaitRequest { behaviour: "amble".into(), ..GenerateGaitRequest::default() };
         let answer = self.generate.call(request, Duration::from_secs(120))?;
         if !answer.success {
@@ -438,11 +416,15 @@ impl Day {
             heard.state.as_ref().is_some_and(|(_, state)| state.gait == "amble")
         })?;
         let (healthy, text) = doctor(&self.folder)?;
-        if healthy || !text.contains("another program") {
+        if healthy || !text.contains("the drives were not asked") {
             return Err(format!("the doctor spoke to drives that a controller speaks to:\n{text}").into());
         }
         println!("can_day: the doctor keeps silent where a controller runs");
+        Ok(())
+    }
 
+    fn run(mut self, seconds: f64, second: u32, long: bool) -> Result<(), Failure> {
+        self.plan()?;
         self.start_walking()?;
         let x = |day: &Self| lock(&day.heard).odometry.as_ref().map_or(0.0, |o| o.pose.pose.position.x);
         let (from_x, from_ns) = (x(&self), self.simulated_ns()?);
@@ -452,6 +434,8 @@ impl Day {
         if took < 0.98 * seconds || went < 0.25 * seconds {
             return Err("it did not walk as the gait says".into());
         }
+
+        self.second_controllers(second)?;
 
         self.planner.kill()?;
         self.walks_on(0.5, "the planner's death")?;
@@ -480,8 +464,8 @@ impl Day {
         self.start_walking()?;
         self.walks_on(0.3, "recovery from an interface down")?;
 
-        // Hung: the drives' watchdogs damp; when it goes on, it finds out before it sends a torque, and ends, because its
-        // connections are gone. Whoever watches over it starts it again.
+        // Hung: the drives' watchdogs damp; when it goes on, it finds out before it sends a torque, and ends, because
+        // its connections are gone. Whoever watches over it starts it again.
         let since = self.simulated_ns()?;
         self.controller.signal(19)?;
         self.drives_damp_within(since, WATCHDOG_CYCLES + SEEN_CYCLES, "the controller hangs")?;
@@ -494,9 +478,10 @@ impl Day {
         }
         self.no_drive_has_pushed(since + (WATCHDOG_CYCLES + SEEN_CYCLES) * 1_000_000)?;
         println!("can_day: the controller goes on, and ends with {status} without a torque");
-        if !long {
-            return Ok(());
-        }
+        if long { self.goes_on() } else { Ok(()) }
+    }
+
+    fn goes_on(mut self) -> Result<(), Failure> {
         self.restart_controller()?;
         self.start_walking()?;
         self.walks_on(0.3, "recovery from a controller that hung")?;
@@ -519,7 +504,7 @@ impl Day {
         )?;
 
         self.controller.signal(15)?;
-        let status = self.controller.0.wait()?;
+        let status = self.controller.wait(Duration::from_secs(10))?;
         if !status.success() {
             return Err(format!("SIGTERM ends the controller with {status}").into());
         }

@@ -1,0 +1,79 @@
+//! The programs of the day, as processes that do not outlive it.
+
+use crate::{Failure, MS};
+use realtime::monotonic_now;
+use std::io::Read;
+use std::process::{Child, Command, ExitStatus, Stdio};
+use std::time::Duration;
+
+/// A program that does not outlive this one.
+pub struct Program(Child);
+
+impl Program {
+    pub fn start(folder: &str, name: &str, arguments: &[&str]) -> Result<Self, Failure> {
+        Ok(Self(Command::new(format!("{folder}/{name}")).args(arguments).spawn().map_err(|e| format!("{name}: {e}"))?))
+    }
+
+    /// Runs a program that should end by itself, and says how it ended and what it said.
+    pub fn run(
+        folder: &str,
+        name: &str,
+        arguments: &[&str],
+        patience: Duration,
+    ) -> Result<(ExitStatus, String), Failure> {
+        let mut command = Command::new(format!("{folder}/{name}"));
+        let child = command.args(arguments).stdout(Stdio::null()).stderr(Stdio::piped()).spawn()?;
+        let mut program = Self(child);
+        let status = program.wait(patience)?;
+        let mut said = String::new();
+        if let Some(mut stderr) = program.0.stderr.take() {
+            stderr.read_to_string(&mut said)?;
+        }
+        Ok((status, said))
+    }
+
+    pub fn id(&self) -> u32 {
+        self.0.id()
+    }
+
+    pub fn signal(&self, signal: i32) -> Result<(), Failure> {
+        // Not by a program `kill`, whose start takes as long as the drives' watchdog.
+        // SAFETY: a plain system call; the number is that of a child that has not been waited for.
+        if unsafe { libc::kill(self.0.id() as i32, signal) } != 0 {
+            return Err(format!("kill {signal}: {}", std::io::Error::last_os_error()).into());
+        }
+        Ok(())
+    }
+
+    pub fn kill(&mut self) -> Result<(), Failure> {
+        self.0.kill()?;
+        self.0.wait()?;
+        Ok(())
+    }
+
+    pub fn wait(&mut self, patience: Duration) -> Result<ExitStatus, Failure> {
+        let deadline = monotonic_now() + patience;
+        loop {
+            match self.0.try_wait()? {
+                Some(status) => return Ok(status),
+                None if monotonic_now() > deadline => return Err(format!("it did not end within {patience:?}").into()),
+                None => std::thread::sleep(5 * MS),
+            }
+        }
+    }
+
+    pub fn check(&mut self, name: &str) -> Result<(), Failure> {
+        match self.0.try_wait()? {
+            None => Ok(()),
+            Some(status) => Err(format!("{name} has ended: {status}").into()),
+        }
+    }
+}
+
+impl Drop for Program {
+    fn drop(&mut self) {
+        // Already ended is as good.
+        let _ = self.0.kill();
+        let _ = self.0.wait();
+    }
+}
