@@ -8,23 +8,6 @@ use std::time::Duration;
 #[global_allocator]
 static ALLOCATOR: realtime::CountingAllocator = realtime::CountingAllocator;
 
-struct Random(u64);
-
-impl Random {
-    fn next(&mut self) -> u64 {
-        self.0 ^= self.0 << 13;
-        self.0 ^= self.0 >> 7;
-        self.0 ^= self.0 << 17;
-        self.0
-    }
-    fn share(&mut self) -> f64 {
-        (self.next() >> 11) as f64 / (1_u64 << 53) as f64
-    }
-    fn one_in(&mut self, n: u64) -> bool {
-        self.next().is_multiple_of(n)
-    }
-}
-
 /// Whether one mode may follow another from one cycle to the next, when an operator asked this in between, and wants it to walk or
 /// not. Written down anew, not taken from the controller's own table.
 fn may_follow(from: Mode, to: Mode, request: Option<Request>, wanted: bool) -> bool {

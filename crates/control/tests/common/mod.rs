@@ -255,3 +255,21 @@ pub fn measured(test: &str, cycles: usize) {
     let told = cell.split(|c: char| !c.is_ascii_digit()).any(|number| number == cycles.to_string());
     assert!(told, "{name} measured {cycles} cycles, docs/safety.md says {cell:?}");
 }
+
+/// A reproducible source of random numbers (xorshift).
+pub struct Random(pub u64);
+
+impl Random {
+    pub fn next(&mut self) -> u64 {
+        self.0 ^= self.0 << 13;
+        self.0 ^= self.0 >> 7;
+        self.0 ^= self.0 << 17;
+        self.0
+    }
+    pub fn share(&mut self) -> f64 {
+        (self.next() >> 11) as f64 / (1_u64 << 53) as f64
+    }
+    pub fn one_in(&mut self, n: u64) -> bool {
+        self.next().is_multiple_of(n)
+    }
+}
