@@ -113,6 +113,9 @@ impl Fault {
 pub struct FaultSet(u16);
 
 impl FaultSet {
+    /// None.
+    pub const NONE: Self = Self(0);
+
     /// Latches a fault; true if it was not latched before.
     pub fn insert(&mut self, fault: Fault) -> bool {
         let new = !self.contains(fault);

@@ -216,39 +216,8 @@ pub fn transition(mode: Mode, event: Event, guards: &Guards) -> Result<Mode, Ref
     use Event as E;
     use Mode as M;
     let refuse = |advice| Err(Refusal::Mode { mode, event, advice });
-    // Before any torque, in this order: the button in the operator's hand, what is known to be broken, what is unknown.
-    let ready = || {
-        if guards.emergency_stop {
-            Err(Refusal::EmergencyStop)
-        } else if guards.any_fault {
-            Err(Refusal::FaultLatched)
-        } else if !guards.fresh {
-            Err(Refusal::NotFresh)
-        } else if !guards.posture_safe {
-            Err(Refusal::PostureUnsafe)
-        } else {
-            Ok(())
-        }
-    };
-    let ready_to_walk = || {
-        if guards.any_fault {
-            Err(Refusal::FaultLatched)
-        } else if !guards.gait_loaded {
-            Err(Refusal::NoGait)
-        } else {
-            Ok(())
-        }
-    };
     match (mode, event) {
-        // Trouble first: from every mode with the drives on to damping, from the others nowhere.
-        (M::Disarmed, E::EmergencyStop | E::Stale | E::FaultLatched | E::FaultsCleared) => Ok(mode),
-        (_, E::FaultLatched) => Ok(M::Fault),
-        (M::Fault, E::FaultsCleared) => Ok(M::Damping),
-        (M::Fault, E::EmergencyStop | E::Stale) => Ok(mode),
-        (_, E::EmergencyStop | E::Stale) => Ok(M::Damping),
-        (_, E::FaultsCleared) => Ok(mode),
-
-        (M::Disarmed, E::Arm) => ready().map(|()| M::Damping),
+        (M::Disarmed, E::Arm) => ready(guards).map(|()| M::Damping),
         (M::Fault, E::Arm) => refuse("it is armed; clear the fault by its name"),
         (_, E::Arm) => Ok(mode),
 
@@ -258,7 +227,7 @@ pub fn transition(mode: Mode, event: Event, guards: &Guards) -> Result<Mode, Ref
 
         (M::Disarmed, E::Stand) => refuse("arm it first"),
         (M::Fault, E::Stand) => refuse("clear the fault by its name first"),
-        (M::Damping, E::Stand) => ready().map(|()| M::StandingUp),
+        (M::Damping, E::Stand) => ready(guards).map(|()| M::StandingUp),
         (M::SittingDown, E::Stand) => Ok(M::StandingUp),
         (M::StandingUp | M::Standing | M::Stopping, E::Stand) => Ok(mode),
         (M::Starting, E::Stand) => Ok(M::Standing),
@@ -268,9 +237,9 @@ pub fn transition(mode: Mode, event: Event, guards: &Guards) -> Result<Mode, Ref
         (M::Starting | M::Walking | M::Stopping, E::Sit) => refuse("stop first"),
         (M::Disarmed | M::Damping | M::Fault, E::Sit) => refuse("it does not stand"),
 
-        (M::Standing, E::Walk) => ready_to_walk().map(|()| M::Starting),
-        (M::StandingUp, E::Walk) => ready_to_walk().map(|()| M::StandingUp),
-        (M::Stopping, E::Walk) => ready_to_walk().map(|()| M::Walking),
+        (M::Standing, E::Walk) => ready_to_walk(guards).map(|()| M::Starting),
+        (M::StandingUp, E::Walk) => ready_to_walk(guards).map(|()| M::StandingUp),
+        (M::Stopping, E::Walk) => ready_to_walk(guards).map(|()| M::Walking),
         (M::Starting | M::Walking, E::Walk) => Ok(mode),
         (M::Disarmed, E::Walk) => refuse("arm it and let it stand up first"),
         (M::Damping | M::Fault | M::SittingDown, E::Walk) => refuse("let it stand up first"),
@@ -280,24 +249,68 @@ pub fn transition(mode: Mode, event: Event, guards: &Guards) -> Result<Mode, Ref
         (_, E::Stop) => Ok(mode),
 
         (_, E::StartOnGait) if !guards.start_on_gait_allowed => Err(Refusal::NotSimulated),
-        (M::Disarmed, E::StartOnGait) => {
-            // On a gait the joints move: what `ready` asks of their speed does not apply.
-            if guards.emergency_stop {
-                Err(Refusal::EmergencyStop)
-            } else if !guards.fresh {
-                Err(Refusal::NotFresh)
-            } else {
-                ready_to_walk().map(|()| M::Walking)
-            }
-        }
+        (M::Disarmed, E::StartOnGait) => ready_on_gait(guards).map(|()| M::Walking),
         (_, E::StartOnGait) => refuse("only a disarmed robot can be put on a gait"),
 
-        (M::StandingUp, E::PostureReached) => Ok(M::Standing),
-        (M::Starting, E::PostureReached) => Ok(M::Walking),
-        (M::SittingDown, E::PostureReached) => Ok(M::Disarmed),
-        (_, E::PostureReached) => Ok(mode),
+        (
+            _,
+            E::PostureReached | E::SwitchReached | E::EmergencyStop | E::Stale | E::FaultLatched | E::FaultsCleared,
+        ) => Ok(noticed(mode, event)),
+    }
+}
 
-        (M::Stopping, E::SwitchReached) => Ok(M::Standing),
-        (_, E::SwitchReached) => Ok(mode),
+/// What the controller itself notices.
+fn noticed(mode: Mode, event: Event) -> Mode {
+    use Event as E;
+    use Mode as M;
+    match (mode, event) {
+        // Trouble: from every mode with the drives on to damping, from the others nowhere.
+        (M::Disarmed, _) => mode,
+        (_, E::FaultLatched) => M::Fault,
+        (M::Fault, E::FaultsCleared) => M::Damping,
+        (M::Fault, _) => mode,
+        (_, E::EmergencyStop | E::Stale) => M::Damping,
+
+        (M::StandingUp, E::PostureReached) => M::Standing,
+        (M::Starting, E::PostureReached) => M::Walking,
+        (M::SittingDown, E::PostureReached) => M::Disarmed,
+        (M::Stopping, E::SwitchReached) => M::Standing,
+        _ => mode,
+    }
+}
+
+/// Before any torque, in this order: the button in the operator's hand, what is known to be broken, what is unknown.
+fn ready(guards: &Guards) -> Result<(), Refusal> {
+    if guards.emergency_stop {
+        Err(Refusal::EmergencyStop)
+    } else if guards.any_fault {
+        Err(Refusal::FaultLatched)
+    } else if !guards.fresh {
+        Err(Refusal::NotFresh)
+    } else if !guards.posture_safe {
+        Err(Refusal::PostureUnsafe)
+    } else {
+        Ok(())
+    }
+}
+
+fn ready_to_walk(guards: &Guards) -> Result<(), Refusal> {
+    if guards.any_fault {
+        Err(Refusal::FaultLatched)
+    } else if !guards.gait_loaded {
+        Err(Refusal::NoGait)
+    } else {
+        Ok(())
+    }
+}
+
+/// On a gait the joints move: what [`ready`] asks of their speed does not apply.
+fn ready_on_gait(guards: &Guards) -> Result<(), Refusal> {
+    if guards.emergency_stop {
+        Err(Refusal::EmergencyStop)
+    } else if !guards.fresh {
+        Err(Refusal::NotFresh)
+    } else {
+        ready_to_walk(guards)
     }
 }

@@ -1,5 +1,5 @@
-//! Everything that the controller says over random days, as one number: a change of its code that is to change nothing is
-//! held to that. Where behaviour changes on purpose the number changes with it, and the commit says why.
+//! Everything that the controller says over random days, as one number: a change of its code that is to change nothing
+//! is held to that. Where behaviour changes on purpose the number changes with it, and the commit says why.
 
 mod common;
 use common::*;

@@ -1,5 +1,5 @@
-//! Records the middle of a day of a robot without dynamics, from a snapshot on: walking while the gait grows, a hot drive, standing,
-//! walking again, the emergency stop, a lost encoder. `tests/bag/make_references` makes a reference of it.
+//! Records the middle of a day of a robot without dynamics, from a snapshot on: walking while the gait grows, a hot
+//! drive, standing, walking again, the emergency stop, a lost encoder. `tests/bag/make_references` keeps it.
 //!
 //!     middle_of_a_day GAIT_FILE FOLDER
 

@@ -4,7 +4,9 @@ use std::path::Path;
 use std::time::Duration;
 
 use bag::{Bag, from_cdr};
-use control::{Config, Controller, Fault, FaultReport, Input, JOINTS, PreparedGait, Request, Snapshot, Tilt};
+use control::{
+    Config, Controller, Fault, FaultReport, Input, JOINTS, PreparedGait, Request, Snapshot, SnapshotVersion1, Tilt,
+};
 use gait::Gait;
 use tandem_msgs::sensor_msgs::JointState;
 use tandem_msgs::{ControlCycle, JointCommand};
@@ -132,8 +134,7 @@ impl Player {
         if self.begun {
             return Err("it comes in the middle of the recording, expected before the first cycle".into());
         }
-        let snapshot: Snapshot = serde_json::from_str(text)
-            .map_err(|error| format!("the controller's memory is not one of this version: {error}"))?;
+        let snapshot = read_snapshot(text)?;
         *controller = Controller::resume(config.clone(), &snapshot).map_err(|error| error.to_string())?;
         self.last_index = snapshot.cycles();
         self.begun = true;
@@ -247,6 +248,15 @@ impl Player {
         }
         Ok(None)
     }
+}
+
+/// A controller's memory in today's form, or in that of versions before it was split.
+fn read_snapshot(text: &str) -> Result<Snapshot, String> {
+    serde_json::from_str(text).or_else(|error| {
+        serde_json::from_str::<SnapshotVersion1>(text)
+            .map(Snapshot::from)
+            .map_err(|_| format!("the controller's memory is not one of this version: {error}"))
+    })
 }
 
 /// A number with its bits, because two that differ in the last bit print alike otherwise.

@@ -1,7 +1,9 @@
 //! What the controller's tests share: a configuration with the Vision 60's numbers, a gait, and a robot that obeys.
 #![allow(dead_code)]
 
-use control::{Config, Controller, DriveMode, Input, JOINTS, JointState, Mode, Output, Posture, PreparedGait, Request};
+use control::{
+    Config, Controller, DriveMode, Fault, Input, JOINTS, JointState, Mode, Output, Posture, PreparedGait, Request,
+};
 use gait::{Gait, InitialState, Mirror, SolverSummary, StepSide};
 use std::time::Duration;
 
@@ -271,5 +273,69 @@ impl Random {
     }
     pub fn one_in(&mut self, n: u64) -> bool {
         self.next().is_multiple_of(n)
+    }
+}
+
+/// Whether the command is damping.
+pub fn is_damping(output: &Output) -> bool {
+    let c = &output.command;
+    output.drives_on
+        && c.kp == [0.0; JOINTS]
+        && c.torque_nm == [0.0; JOINTS]
+        && c.kd.iter().all(|kd| *kd > 0.0)
+        && c.velocity_rad_s == [0.0; JOINTS]
+}
+
+/// Runs a walking robot with something spoiled each cycle, and returns the cycles until it is safe and the last output.
+/// On the way no command breaks a limit.
+pub fn cycles_to_safe(
+    bench: &mut Bench,
+    at_most: usize,
+    mut spoil: impl FnMut(usize, &mut JointState, &mut Input<'_>, &mut Duration),
+) -> (usize, Output) {
+    let config = config();
+    let mut last = bench.last.unwrap();
+    for n in 0..at_most {
+        bench.now += PERIOD;
+        let mut state = bench.state();
+        let mut input = Input::default();
+        let mut now = bench.now;
+        spoil(n, &mut state, &mut input, &mut now);
+        let measures = bench.measures;
+        input.joints = measures.then_some(&state);
+        let output = bench.controller.step(&input, now);
+        assert!(output.command.is_finite(), "cycle {n}");
+        for j in 0..JOINTS {
+            assert!(output.torque_nm[j].abs() <= config.torque_limit_nm[j] + 1e-9, "cycle {n} joint {j}");
+            if output.mode.is_moving() && last.mode.is_moving() {
+                let step = (output.command.position_rad[j] - last.command.position_rad[j]).abs();
+                let limit = config.velocity_limit_rad_s[j] * config.control_period_s;
+                assert!(step <= limit + 1e-12, "cycle {n} joint {j}: {step}");
+            }
+        }
+        if output.mode.is_moving() && bench.obeys {
+            bench.position_rad = output.command.position_rad;
+            bench.velocity_rad_s = output.command.velocity_rad_s;
+        }
+        last = output;
+        bench.last = Some(output);
+        if !output.mode.is_moving() {
+            assert!(is_damping(&output), "{:?}", output.command);
+            return (n + 1, output);
+        }
+    }
+    panic!("not safe after {at_most} cycles: {:?}", last.mode);
+}
+
+/// The robot is damped by this fault, and the message says so.
+pub fn assert_fault(output: &Output, fault: Fault, joint: Option<usize>) {
+    assert_eq!(output.mode, Mode::Fault);
+    assert!(output.faults.contains(fault), "{:?}", output.faults);
+    let report = output.report.unwrap();
+    assert_eq!((report.fault, report.joint), (fault, joint));
+    let text = report.message(&joint_names());
+    assert!(text.contains(fault.name()), "{text}");
+    if let Some(j) = joint {
+        assert!(text.contains(&joint_names()[j]), "{text}");
     }
 }

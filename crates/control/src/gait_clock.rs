@@ -1,0 +1,148 @@
+//! Time within a gait: it owns T and how fast the phase runs.
+
+use crate::{Config, JOINTS, PreparedGait};
+use gait::StepSide;
+use std::time::Duration;
+
+/// Rounding in now − start must not put a switch one cycle late.
+const SWITCH_TOLERANCE: f64 = 1e-9;
+
+/// Time within the gait. Switches lie at `start` + `base_s` + k T, so that a step that is no multiple of the control
+/// period carries its remainder over exactly, for any number of steps.
+#[derive(Clone, Copy, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(crate) struct GaitClock {
+    pub start: Duration,
+    /// T of the gait now walked, s.
+    pub period_s: f64,
+    /// From `start` to the first instant of the gait now walked, s.
+    pub base_s: f64,
+    /// What the phase gained by running faster than 1 / T, in seconds of the gait's own time.
+    pub gained_s: f64,
+    /// Steps walked before that instant.
+    pub base_index: u64,
+    /// Steps of the gait now walked that have ended.
+    pub steps: u64,
+    /// What continuity at a change of gait asks for: old minus new plan at the switch.
+    pub offset: Option<Offset>,
+    /// It began out of standing: the motion grows to the whole gait's ([`GaitClock::growth`]).
+    pub grows: bool,
+}
+
+/// A jump of the plan.
+#[derive(Clone, Copy, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(crate) struct Offset {
+    pub position_rad: [f64; JOINTS],
+    pub velocity_rad_s: [f64; JOINTS],
+}
+
+/// How much of the gait's motion about its middle posture is walked, and the rate of that.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct Growth {
+    /// From [`Config::start_share`] to 1.
+    pub share: f64,
+    /// 1/s.
+    pub rate: f64,
+}
+
+impl Growth {
+    /// The whole gait.
+    pub const WHOLE: Self = Self { share: 1.0, rate: 0.0 };
+
+    pub fn is_whole(self) -> bool {
+        self.share >= 1.0
+    }
+}
+
+/// Where in a step the gait is.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct Place {
+    pub side: StepSide,
+    /// Since the last switch, in the gait's own time, s.
+    pub t_s: f64,
+    /// t / T.
+    pub phase: f64,
+    /// T, s.
+    pub period_s: f64,
+    pub growth: Growth,
+    /// What a change of gait left, to be smoothed out over this step.
+    pub offset: Option<Offset>,
+}
+
+impl GaitClock {
+    /// At the gait's first instant.
+    pub fn new(start: Duration, gait: &PreparedGait, grows: bool) -> Self {
+        let period_s = gait.step_duration_s();
+        Self { start, period_s, base_s: 0.0, gained_s: 0.0, base_index: 0, steps: 0, offset: None, grows }
+    }
+
+    fn elapsed_s(&self, now: Duration) -> f64 {
+        now.saturating_sub(self.start).as_secs_f64() - self.base_s + self.gained_s
+    }
+
+    /// The side of the present step. Sides go on alternating over a change of gait.
+    pub fn side(&self) -> StepSide {
+        StepSide::of_step(self.step_index())
+    }
+
+    /// Steps since walking began.
+    pub fn step_index(&self) -> u64 {
+        self.base_index + self.steps
+    }
+
+    /// A robot that stands has no speed and its feet side by side; asked for the whole gait at once, its drives would have to
+    /// make up for both.
+    pub fn growth(&self, config: &Config, now: Duration) -> Growth {
+        let (first, duration_s) = (config.start_share, config.start_growth_s);
+        let x = now.saturating_sub(self.start).as_secs_f64() / duration_s;
+        if !self.grows || x >= 1.0 {
+            return Growth::WHOLE;
+        }
+        let left = 1.0 - first;
+        Growth { share: first + left * x * x * (3.0 - 2.0 * x), rate: left * 6.0 * x * (1.0 - x) / duration_s }
+    }
+
+    pub fn place(&self, config: &Config, now: Duration) -> Place {
+        let period_s = self.period_s;
+        let t_s = (self.elapsed_s(now) - self.steps as f64 * period_s).clamp(0.0, period_s);
+        Place {
+            side: self.side(),
+            t_s,
+            phase: t_s / period_s,
+            period_s,
+            growth: self.growth(config, now),
+            offset: self.offset,
+        }
+    }
+
+    /// t / T as it is published.
+    pub fn phase(&self, now: Duration) -> f64 {
+        ((self.elapsed_s(now) - self.steps as f64 * self.period_s) / self.period_s).clamp(0.0, 1.0)
+    }
+
+    /// In the last `dt_s` the phase ran `rate` times as fast as 1 / T.
+    pub fn run(&mut self, rate: f64, dt_s: f64) {
+        self.gained_s += (rate - 1.0) * dt_s;
+    }
+
+    /// Follows time over switches; whether there was one.
+    pub fn follow(&mut self, now: Duration) -> bool {
+        let steps = (self.elapsed_s(now) / self.period_s + SWITCH_TOLERANCE).floor().max(0.0) as u64;
+        let switched = steps != self.steps;
+        if switched {
+            self.steps = steps;
+            self.offset = None;
+        }
+        switched
+    }
+
+    /// At a switch: another gait from here on, whose plan lies `offset` from the old one's.
+    pub fn change(&mut self, new: &PreparedGait, offset: Offset) {
+        self.base_s += self.steps as f64 * self.period_s;
+        self.base_index += self.steps;
+        self.steps = 0;
+        self.period_s = new.step_duration_s();
+        self.offset = Some(offset);
+    }
+}

@@ -1,0 +1,142 @@
+//! What one step is given and what it says.
+
+use crate::{Fault, FaultReport, FaultSet, JOINTS, JointCommand, Mode, PreparedGait, Refusal};
+use std::time::Duration;
+
+/// Requests that one step takes; more are refused.
+pub const MAX_REQUESTS: usize = 8;
+
+/// What the drives, or the simulator, reported.
+#[derive(Clone, Copy, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
+pub struct JointState {
+    /// The state's own time stamp: a new stamp is a new state.
+    pub stamp: Duration,
+    /// When each joint's values arrived, on the clock of `now`.
+    pub arrived: [Duration; JOINTS],
+    /// Positions, rad.
+    pub position_rad: [f64; JOINTS],
+    /// Velocities, rad/s.
+    pub velocity_rad_s: [f64; JOINTS],
+    /// Temperatures, °C, where the drives report them.
+    pub temperature_c: Option<[f64; JOINTS]>,
+    /// Error codes of the drives; 0 means none.
+    pub drive_error: [u8; JOINTS],
+}
+
+/// The base's attitude from an inertial unit.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Tilt {
+    /// Rotation about the forward axis, rad.
+    pub roll_rad: f64,
+    /// Rotation about the leftward axis, rad.
+    pub pitch_rad: f64,
+}
+
+/// What an operator may ask.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Request {
+    /// Switch the drives on.
+    Arm,
+    /// Switch the drives off.
+    Disarm,
+    /// Stand up.
+    Stand,
+    /// Sit down and disarm.
+    Sit,
+    /// Walk: at once when standing, else as soon as it stands.
+    Walk,
+    /// Stop walking at the next switch.
+    Stop,
+    /// Clear a fault by its name.
+    ClearFault(Fault),
+    /// Start on the gait at its first instant. Only for simulators, which can put the robot there
+    /// ([`Config::simulation_start`]).
+    StartOnGait,
+}
+
+/// All that one step gets to see.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Input<'a> {
+    /// The newest joint state; the same again is fine.
+    pub joints: Option<&'a JointState>,
+    /// The base's attitude, where it is measured.
+    pub tilt: Option<Tilt>,
+    /// What operators asked since the last step, in order.
+    pub requests: &'a [Request],
+    /// A gait that arrived since the last step.
+    pub gait: Option<&'a PreparedGait>,
+    /// The emergency stop is pressed.
+    pub emergency_stop: bool,
+    /// A fault that the layer below noticed: a bus or a drive.
+    pub fault: Option<FaultReport>,
+}
+
+/// Why the robot is damped.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
+pub enum DampingReason {
+    /// It was just armed, or its faults were cleared.
+    Armed,
+    /// The emergency stop.
+    EmergencyStop,
+    /// The joint states stopped coming.
+    StaleJointState,
+    /// A latched fault.
+    Fault,
+}
+
+impl DampingReason {
+    /// The name that is published.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Armed => "armed",
+            Self::EmergencyStop => "emergency_stop",
+            Self::StaleJointState => "stale_joint_state",
+            Self::Fault => "fault",
+        }
+    }
+}
+
+/// All that one step says.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Output {
+    /// What to send.
+    pub command: JointCommand,
+    /// Whether the drives are to be on.
+    pub drives_on: bool,
+    /// What the controller is doing.
+    pub mode: Mode,
+    /// Why it is damped, where it is.
+    pub damping_reason: Option<DampingReason>,
+    /// The latched faults.
+    pub faults: FaultSet,
+    /// The newest fault.
+    pub report: Option<FaultReport>,
+    /// The stamp of the joint state that this answers.
+    pub answered: Option<Duration>,
+    /// For each of the input's first [`MAX_REQUESTS`] requests, in order: the mode it led to, or why it was refused.
+    pub replies: [Option<Result<Mode, Refusal>>; MAX_REQUESTS],
+    /// Requests beyond those: refused unseen, [`Refusal::TooMany`].
+    pub requests_refused_unseen: usize,
+    /// Steps since walking began, counted from 0.
+    pub step_index: u64,
+    /// t / T, 0 where it does not walk.
+    pub step_phase: f64,
+    /// Commanded minus measured positions, rad; 0 where none is commanded.
+    pub tracking_error_rad: [f64; JOINTS],
+    /// Torques that the command gives at the measured state, N m.
+    pub torque_nm: [f64; JOINTS],
+    /// Steps of the controller.
+    pub cycles: u64,
+    /// Steps that found no new joint state.
+    pub stale_inputs: u64,
+}
+
+impl Output {
+    /// The reply to the input's request of this number, from 0.
+    pub fn reply(&self, number: usize) -> Option<Result<Mode, Refusal>> {
+        match number.checked_sub(MAX_REQUESTS) {
+            None => self.replies[number],
+            Some(beyond) => (beyond < self.requests_refused_unseen).then_some(Err(Refusal::TooMany)),
+        }
+    }
+}

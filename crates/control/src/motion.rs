@@ -1,0 +1,353 @@
+//! What is held or moved to: ramps from posture to posture, and the gait.
+
+use crate::gait_clock::{GaitClock, Growth, Offset};
+use crate::law::{Law, grown};
+use crate::ramp::Ramp;
+use crate::{Config, JOINTS, JointCommand, JointState, Mode, Posture, PreparedGait};
+use gait::StepSide;
+use std::time::Duration;
+
+/// From nearer to the standing posture than this (each joint, rad), it is gone to directly; else by way of sitting.
+const NEAR_STAND_RAD: f64 = 0.4;
+
+/// The motion, and the gaits that it is made of.
+#[derive(Clone, Copy, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(crate) struct Motion {
+    pub course: Course,
+    pub gait: Option<PreparedGait>,
+    /// A gait that waits for a switch or for standing.
+    pub pending: Option<PreparedGait>,
+    pub step_index: u64,
+    pub step_phase: f64,
+}
+
+/// Which motion.
+// The cycle must not allocate, so the large variant is not boxed.
+#[allow(clippy::large_enum_variant)]
+#[derive(Clone, Copy, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
+pub(crate) enum Course {
+    /// None: off or damping.
+    None,
+    /// A ramp, then its end is held. `then` follows it.
+    Ramp { ramp: Ramp, start: Duration, then: Then },
+    /// The gait.
+    Gait(GaitClock),
+}
+
+/// What follows a ramp.
+#[derive(Clone, Copy, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
+pub(crate) enum Then {
+    /// Rise from the folded posture.
+    Rise,
+    /// Let go.
+    LetGo,
+    /// The mode's posture is reached.
+    Done,
+}
+
+/// What time brought.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Progress {
+    /// Nothing more in this cycle.
+    Nothing,
+    /// Another motion: it is to be followed too.
+    GoesOn,
+    /// The posture of the mode is reached.
+    PostureReached,
+    /// It stands, and is to walk.
+    MayWalk,
+    /// A step ended that was the last one.
+    SwitchReached,
+    /// A step ended, and the gait that waits cannot be taken there.
+    GaitIsFar,
+}
+
+/// What the motion expects of the joints.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) struct Expected {
+    /// Joints with so much of their gains that they follow (in torque mode the command itself has none).
+    pub held: [bool; JOINTS],
+    /// Whether a whole walk is walked.
+    pub walks: bool,
+}
+
+impl Expected {
+    /// Nothing.
+    pub const NOTHING: Self = Self { held: [false; JOINTS], walks: false };
+}
+
+impl Motion {
+    /// No motion and no gait.
+    pub const NONE: Self = Self { course: Course::None, gait: None, pending: None, step_index: 0, step_phase: 0.0 };
+
+    /// The gait that is walked next.
+    pub fn loaded(&self) -> Option<&PreparedGait> {
+        self.pending.as_ref().or(self.gait.as_ref())
+    }
+
+    /// Nothing is held any more.
+    pub fn let_go(&mut self) {
+        self.course = Course::None;
+        self.step_phase = 0.0;
+    }
+
+    /// What the motion asks for at `now`, before limits.
+    pub fn setpoint(&self, law: &Law, config: &Config, now: Duration) -> JointCommand {
+        match (&self.course, &self.gait) {
+            (Course::Ramp { ramp, start, .. }, _) => ramp.at(now.saturating_sub(*start).as_secs_f64()),
+            (Course::Gait(clock), Some(gait)) => law.reference(gait, &clock.place(config, now)),
+            (Course::None, _) | (Course::Gait(_), None) => JointCommand::LIMP,
+        }
+    }
+
+    /// What is expected of the joints at `now`.
+    pub fn expected(&self, config: &Config, now: Duration) -> Expected {
+        match &self.course {
+            Course::None => Expected::NOTHING,
+            Course::Gait(clock) => Expected { held: [true; JOINTS], walks: clock.growth(config, now).is_whole() },
+            Course::Ramp { ramp, start, .. } => {
+                let kp = ramp.at(now.saturating_sub(*start).as_secs_f64()).kp;
+                Expected { held: std::array::from_fn(|j| kp[j] >= 0.5 * config.posture_kp[j]), walks: false }
+            }
+        }
+    }
+
+    // ── from posture to posture ─────────────────────────────────────────────────────────────────────────────────────
+
+    fn ramp(
+        &mut self,
+        config: &Config,
+        from: JointCommand,
+        to: JointCommand,
+        duration_s: f64,
+        then: Then,
+        now: Duration,
+    ) {
+        let gain_s = if from.kp.contains(&0.0) { config.gain_ramp_s.min(duration_s) } else { duration_s };
+        self.course = Course::Ramp { ramp: Ramp { from, to, duration_s, gain_s }, start: now, then };
+    }
+
+    /// To the standing posture out of `from`, what is asked for now.
+    pub fn stand(&mut self, config: &Config, from: JointCommand, now: Duration) {
+        self.ramp(config, from, posture(config, &config.stand), config.stop_blend_s, Then::Done, now);
+    }
+
+    /// To the standing posture out of sitting down, `from` what is asked for now.
+    pub fn stand_again(&mut self, config: &Config, from: JointCommand, commanded_rad: &[f64; JOINTS], now: Duration) {
+        let to = posture(config, &config.stand);
+        let duration_s = posture_duration_s(config, commanded_rad, &to.position_rad);
+        self.ramp(config, from, to, duration_s, Then::Done, now);
+    }
+
+    /// From wherever the joints are, gains from zero: to standing directly if that is near, else by way of sitting with
+    /// the hips already as wide as they will stand, because loaded feet do not slide.
+    pub fn stand_up(&mut self, config: &Config, state: &JointState, now: Duration) {
+        let from = JointCommand { position_rad: state.position_rad, kd: config.damping_kd, ..JointCommand::LIMP };
+        let stand = posture(config, &config.stand);
+        let near = (0..JOINTS).all(|j| (state.position_rad[j] - stand.position_rad[j]).abs() < NEAR_STAND_RAD);
+        let (to, then) = if near { (stand, Then::Done) } else { (folded(config), Then::Rise) };
+        let duration_s = posture_duration_s(config, &from.position_rad, &to.position_rad);
+        self.ramp(config, from, to, duration_s, then, now);
+    }
+
+    /// To the sitting posture, `from` what is asked for now.
+    pub fn sit_down(&mut self, config: &Config, from: JointCommand, commanded_rad: &[f64; JOINTS], now: Duration) {
+        let to = posture(config, &config.sit);
+        let duration_s = posture_duration_s(config, commanded_rad, &to.position_rad);
+        self.ramp(config, from, to, duration_s, Then::LetGo, now);
+    }
+
+    fn rise(&mut self, config: &Config, from: JointCommand, now: Duration) {
+        let to = posture(config, &config.stand);
+        let duration_s = posture_duration_s(config, &from.position_rad, &to.position_rad);
+        self.ramp(config, from, to, duration_s, Then::Done, now);
+    }
+
+    fn release(&mut self, config: &Config, held: JointCommand, now: Duration) {
+        let from = JointCommand { velocity_rad_s: [0.0; JOINTS], ..held };
+        let to = JointCommand { kp: [0.0; JOINTS], kd: config.damping_kd, torque_nm: [0.0; JOINTS], ..held };
+        self.ramp(config, from, to, config.gain_ramp_s, Then::Done, now);
+    }
+
+    // ── the gait ────────────────────────────────────────────────────────────────────────────────────────────────────
+
+    fn adopt_pending(&mut self) {
+        if let Some(gait) = self.pending.take() {
+            self.gait = Some(gait);
+        }
+    }
+
+    /// To the first posture of the walk on four feet, moving at its end as the walk moves at its start. `from`: what is
+    /// asked for now.
+    pub fn start(&mut self, config: &Config, from: JointCommand, now: Duration) {
+        self.adopt_pending();
+        let Some(gait) = self.gait else { return };
+        let growth = Growth { share: config.start_share, rate: 0.0 };
+        let first = grown(&gait, gait.at(StepSide::First, 0.0), growth);
+        let to = JointCommand {
+            position_rad: first.position_rad,
+            velocity_rad_s: first.velocity_rad_s,
+            kp: gait.kp(StepSide::First),
+            kd: gait.kd(StepSide::First),
+            // Four feet carry the robot until the gait's first instant.
+            torque_nm: config.stand.support_torque_nm,
+        };
+        self.ramp(config, from, to, config.start_blend_s, Then::Done, now);
+    }
+
+    /// The gait's first instant is the ramp's end, not the cycle that noticed it.
+    pub fn walk_out_of_standing(&mut self, now: Duration) {
+        let late = match self.course {
+            Course::Ramp { ramp, start, .. } => {
+                now.saturating_sub(start).saturating_sub(Duration::from_secs_f64(ramp.duration_s))
+            }
+            _ => Duration::ZERO,
+        };
+        self.walk(now.saturating_sub(late), true);
+    }
+
+    /// On the gait at its first instant.
+    pub fn walk_at_once(&mut self, now: Duration) {
+        self.walk(now, false);
+    }
+
+    fn walk(&mut self, start: Duration, grows: bool) {
+        self.adopt_pending();
+        self.step_index = 0;
+        let Some(gait) = &self.gait else { return };
+        self.course = Course::Gait(GaitClock::new(start, gait, grows));
+    }
+
+    /// At a switch: all four feet are on the ground where they are to stay, so the posture of the switch is kept and
+    /// only its motion runs out, over a third of the way that it would go in that time.
+    pub fn come_to_rest(&mut self, config: &Config, now: Duration) {
+        let (Some(gait), Course::Gait(clock)) = (self.gait, self.course) else {
+            return;
+        };
+        let side = clock.side();
+        let at = grown(&gait, gait.at(side, 0.0), clock.growth(config, now));
+        let mut from = posture(config, &config.stand);
+        from.position_rad = at.position_rad;
+        from.velocity_rad_s = at.velocity_rad_s;
+        let mut to = from;
+        to.velocity_rad_s = [0.0; JOINTS];
+        let duration_s = config.stop_blend_s;
+        for j in 0..JOINTS {
+            to.position_rad[j] += at.velocity_rad_s[j] * duration_s / 3.0;
+        }
+        from.kp = gait.kp(side);
+        from.kd = gait.kd(side);
+        self.ramp(config, from, to, duration_s, Then::Done, now);
+    }
+
+    // ── time ────────────────────────────────────────────────────────────────────────────────────────────────────────
+
+    /// In the last `dt_s` the gait's phase ran `rate` times as fast as 1 / T.
+    pub fn run(&mut self, rate: f64, dt_s: f64) {
+        if let Course::Gait(clock) = &mut self.course {
+            clock.run(rate, dt_s);
+        }
+    }
+
+    /// Follows time: ends of ramps, switches of steps, changes of gait. At most one of them; more may be due.
+    pub fn progress(&mut self, law: &Law, config: &Config, mode: Mode, walk_wanted: bool, now: Duration) -> Progress {
+        match self.course {
+            Course::None => {
+                self.adopt_pending();
+                Progress::Nothing
+            }
+            Course::Ramp { ramp, start, then } => {
+                if self.pending.is_some() && mode != Mode::Starting {
+                    self.adopt_pending();
+                }
+                if now.saturating_sub(start) < Duration::from_secs_f64(ramp.duration_s) {
+                    return Progress::Nothing;
+                }
+                match (then, mode) {
+                    (Then::Rise, _) => self.rise(config, ramp.to, now),
+                    (Then::LetGo, _) => self.release(config, ramp.to, now),
+                    // A gait that came meanwhile: blend on to its first posture.
+                    (Then::Done, Mode::Starting) if self.pending.is_some() => {
+                        self.start(config, self.setpoint(law, config, now), now);
+                    }
+                    (Then::Done, Mode::Standing) if walk_wanted => return Progress::MayWalk,
+                    (Then::Done, Mode::Standing) => return Progress::Nothing,
+                    (Then::Done, _) => return Progress::PostureReached,
+                }
+                Progress::GoesOn
+            }
+            Course::Gait(clock) => self.progress_gait(clock, config, mode, now),
+        }
+    }
+
+    fn progress_gait(&mut self, mut clock: GaitClock, config: &Config, mode: Mode, now: Duration) -> Progress {
+        let Some(gait) = self.gait else { return Progress::Nothing };
+        if clock.follow(now) {
+            self.course = Course::Gait(clock);
+            if mode == Mode::Stopping {
+                return Progress::SwitchReached;
+            }
+            // What is still growing grows up first.
+            if let Some(new) = self.pending
+                && clock.growth(config, now).is_whole()
+            {
+                return self.change_gait(clock, &gait, &new, config);
+            }
+        }
+        self.step_index = clock.step_index();
+        self.step_phase = clock.phase(now);
+        Progress::Nothing
+    }
+
+    /// At a switch: takes the new gait if it starts near where the old one ends.
+    fn change_gait(
+        &mut self,
+        mut clock: GaitClock,
+        old: &PreparedGait,
+        new: &PreparedGait,
+        config: &Config,
+    ) -> Progress {
+        let side = clock.side();
+        let (a, b) = (old.at(side, 0.0), new.at(side, 0.0));
+        let offset = Offset {
+            position_rad: std::array::from_fn(|j| a.position_rad[j] - b.position_rad[j]),
+            velocity_rad_s: std::array::from_fn(|j| a.velocity_rad_s[j] - b.velocity_rad_s[j]),
+        };
+        let within = |d: &[f64; JOINTS], limit: f64| d.iter().all(|d| d.abs() <= limit);
+        if !within(&offset.position_rad, config.gait_change_position_rad)
+            || !within(&offset.velocity_rad_s, config.gait_change_velocity_rad_s)
+        {
+            return Progress::GaitIsFar;
+        }
+        clock.change(new, offset);
+        self.adopt_pending();
+        self.course = Course::Gait(clock);
+        Progress::GoesOn
+    }
+}
+
+fn posture(config: &Config, posture: &Posture) -> JointCommand {
+    JointCommand {
+        position_rad: posture.position_rad,
+        velocity_rad_s: [0.0; JOINTS],
+        kp: config.posture_kp,
+        kd: config.posture_kd,
+        torque_nm: posture.support_torque_nm,
+    }
+}
+
+/// The sitting posture with the hips as wide as they will stand.
+fn folded(config: &Config) -> JointCommand {
+    let mut folded = posture(config, &config.sit);
+    for leg in 0..gait::LEGS {
+        let roll = leg * gait::JOINTS_PER_LEG;
+        folded.position_rad[roll] = config.stand.position_rad[roll];
+    }
+    folded
+}
+
+fn posture_duration_s(config: &Config, from: &[f64; JOINTS], to: &[f64; JOINTS]) -> f64 {
+    let farthest = (0..JOINTS).fold(0.0_f64, |m, j| m.max((to[j] - from[j]).abs()));
+    (farthest / config.posture_speed_rad_s).max(config.posture_min_s)
+}
