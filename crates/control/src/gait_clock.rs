@@ -91,8 +91,8 @@ impl GaitClock {
         self.base_index + self.steps
     }
 
-    /// A robot that stands has no speed and its feet side by side; asked for the whole gait at once, its drives would have to
-    /// make up for both.
+    /// A robot that stands has no speed and its feet side by side; asked for the whole gait at once, its drives would
+    /// have to make up for both.
     pub fn growth(&self, config: &Config, now: Duration) -> Growth {
         let (first, duration_s) = (config.start_share, config.start_growth_s);
         let x = now.saturating_sub(self.start).as_secs_f64() / duration_s;

@@ -8,7 +8,8 @@ use gait::StepSide;
 /// A change of gait is smoothed out over this share of its first step.
 const CHANGE_SHARE: f64 = 0.5;
 
-/// The laws that there are, each with what it remembers. Closed, so that a controller stays `Copy` and a recording runs again.
+/// The laws that there are, each with what it remembers. Closed, so that a snapshot stays `Copy` and a recording runs
+/// again.
 #[derive(Clone, Copy, Debug, Default, PartialEq, serde::Serialize, serde::Deserialize)]
 pub(crate) enum Law {
     /// The paper's: the gait's clock and its plan, nothing measured.

@@ -10,8 +10,8 @@ use crate::watch::{Still, Watch};
 use crate::{DampingReason, FaultReport, FaultSet, JOINTS, JointCommand, JointState, Mode, PreparedGait};
 use std::time::Duration;
 
-/// A controller's memory at one moment: [`crate::Controller::snapshot`]. Everything that the next step depends on besides
-/// the configuration and its input.
+/// A controller's memory at one moment: [`crate::Controller::snapshot`]. Everything that the next step depends on
+/// besides the configuration and its input.
 #[derive(Clone, Copy, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Snapshot {

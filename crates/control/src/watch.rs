@@ -93,8 +93,8 @@ impl Watch {
         dt_s
     }
 
-    /// Takes a joint state over if it is new and believable; true if so. While disarmed nothing is a fault: arming looks
-    /// at the state again.
+    /// Takes a joint state over if it is new and believable; true if so. While disarmed nothing is a fault: arming
+    /// looks at the state again.
     pub fn take(&mut self, config: &Config, mode: Mode, joints: Option<&JointState>, found: &mut Found) -> bool {
         let Some(new) = joints else { return false };
         let last = self.joints;
