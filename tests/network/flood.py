@@ -24,6 +24,7 @@ class Generator:
     def __init__(self, datagrams, seed):
         self.random = random.Random(seed)
         self.datagrams = [datagram for _, _, datagram in datagrams]
+        self.announcements = [d for d in self.datagrams if rtps.SPDP_WRITER in d[20:60] or any(w in d[20:80] for w, _ in rtps.SEDP)]
         self.known = rtps.Known(datagrams, rtps.RUSTDDS)
         assert self.known.prefixes, "no participant of these processes was heard"
         self.kinds = [
@@ -114,10 +115,9 @@ class Generator:
 
     def stranger(self):
         """Announcements of participants and endpoints that do not exist."""
-        announcements = [d for d in self.datagrams if rtps.SPDP_WRITER in d[20:60] or any(w in d[20:80] for w, _ in rtps.SEDP)]
-        if not announcements:
+        if not self.announcements:
             return self.garbage()
-        other, datagram = b"\x01\x12" + self.random.randbytes(10), self.random.choice(announcements)
+        other, datagram = b"\x01\x12" + self.random.randbytes(10), self.random.choice(self.announcements)
         return datagram.replace(datagram[8:20], other)
 
     def garbage(self):
