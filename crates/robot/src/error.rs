@@ -189,6 +189,14 @@ pub enum RobotError {
         /// Allowed relative difference.
         tolerance: f64,
     },
+    /// A leg that the control cycle's kinematics do not know.
+    #[error("leg '{leg}' {problem}: the balanced law needs a hip roll that carries parallel hip pitch and knee")]
+    LegShape {
+        /// The leg.
+        leg: String,
+        /// What is otherwise.
+        problem: String,
+    },
     /// A toe position that the leg cannot reach.
     #[error("leg '{leg}' cannot put its toe at {target:?} m from its hip: the nearest it comes is {miss_m:.4} m away")]
     OutOfReach {

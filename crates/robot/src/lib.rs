@@ -11,6 +11,7 @@ mod against_urdf;
 mod encoding;
 mod error;
 mod kinematics;
+mod leg_kinematics;
 mod mirror;
 mod parse;
 mod propose;
@@ -22,6 +23,7 @@ use std::path::{Path, PathBuf};
 use rigid_body::{Data, Description, FrameId, Model, forward_kinematics, frame_position};
 
 pub use error::RobotError;
+pub use leg_kinematics::{LegKinematics, LegSolution, ToeKinematics};
 pub use propose::{Proposal, propose};
 
 /// Everything that the software knows about one quadruped.
