@@ -220,9 +220,7 @@ fn look(arguments: &Arguments, bus: &BusConfig) -> Result<Looked> {
                     monotonic_now()
                 };
                 let seen = links.map(|ours| {
-                    let Some((links, _locks)) = ours else {
-                        return None;
-                    };
+                    let (links, _locks) = ours?;
                     Some(drives::ask(&mut DriveBus::new(bus.clone(), Speech::of(bus), links), cycles, &mut wait))
                 });
                 // The loop's pace is measured all the same.
