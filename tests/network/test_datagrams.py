@@ -88,7 +88,7 @@ def test_nothing_comes_of(pair, name):
     memory, tasks = resident_bytes(pid), threads(pid)
     for port in pair.ports:
         pair.send(*DATAGRAMS[name])
-    time.sleep(2)
+    time.sleep(1.2)
     assert pair.node.alive(), pair.node.text()[-3000:]
     grown = resident_bytes(pid) - memory
     assert grown < GROWTH_BYTES and threads(pid) >= tasks and "panicked" not in pair.node.text(), (grown, pair.node.text()[-3000:])
