@@ -1,5 +1,6 @@
 //! What the control cycle sees: twelve joints.
 
+use crate::reply_balance::ReplyBalance;
 use crate::{BusConfig, DriveCommand, DriveRequest, Frame, Incoming, Link, LinkError, Protocol};
 use control::{Fault, FaultReport, JOINTS, JointCommand, JointState};
 use std::time::Duration;
@@ -20,8 +21,6 @@ const DOWN_FAULT: Duration = Duration::from_millis(5);
 const STRANGER_MEMORY: Duration = Duration::from_millis(500);
 /// Behind the opening of a link its old socket's frames may still leave the queue, and the new socket hears them.
 const OWN_ECHO: Duration = Duration::from_millis(100);
-/// Twice as many replies as requests in so many cycles on end: somebody else asks too. Repeated frames come singly.
-const SURPLUS_CYCLES: u32 = 5;
 
 /// What was read from the joints so far.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -132,11 +131,7 @@ struct LinkState<L> {
     retry_at: Duration,
     pause: Duration,
     opened_at: Duration,
-    /// Requests since the last reading, and replies in this one.
-    requested: u32,
-    replied: u32,
-    /// Cycles on end with twice as many replies as requests.
-    surplus: u32,
+    balance: ReplyBalance,
     /// When somebody else commanded a drive here last, and its joint.
     stranger: Option<(Duration, usize)>,
     /// Which joint a drive's number belongs to.
@@ -181,9 +176,7 @@ impl<P: Protocol, L: Link> DriveBus<P, L> {
                     retry_at: Duration::ZERO,
                     pause: FIRST_PAUSE,
                     opened_at: Duration::ZERO,
-                    requested: 0,
-                    replied: 0,
-                    surplus: 0,
+                    balance: ReplyBalance::default(),
                     stranger: None,
                     joint_of,
                 }
@@ -218,7 +211,7 @@ impl<P: Protocol, L: Link> DriveBus<P, L> {
             return;
         };
         state.health.received += 1;
-        state.replied += 1;
+        state.balance.replied += 1;
         let w = &self.config.joints[j];
         readings.position_rad[j] = w.sign * reply.position_rad / w.gear_ratio + w.zero_rad;
         readings.velocity_rad_s[j] = w.sign * reply.velocity_rad_s / w.gear_ratio;
@@ -293,18 +286,6 @@ fn commanded(protocol: &impl Protocol, config: &BusConfig, n: usize, frame: &Fra
         .position(|joint| joint.interface == n && protocol.decode_request(joint.id, &joint.ranges, frame).is_some())
 }
 
-/// Counts the cycles on end with a surplus of replies. Only somebody else's requests bring one for long.
-fn weigh_replies<L>(state: &mut LinkState<L>, first_joint: usize, now: Duration) {
-    let (requested, replied) = (std::mem::take(&mut state.requested), std::mem::take(&mut state.replied));
-    // Behind the opening of a link, replies that had waited come at once.
-    let steady = state.health.reopened == 0 || now.saturating_sub(state.opened_at) >= STEADY;
-    let doubled = steady && requested > 0 && replied >= 2 * requested;
-    state.surplus = if doubled { state.surplus + 1 } else { 0 };
-    if state.surplus >= SURPLUS_CYCLES {
-        state.stranger = Some((now, first_joint));
-    }
-}
-
 fn broke<L>(state: &mut LinkState<L>, now: Duration) {
     if state.health.down_since.is_none() {
         state.health.down_since = Some(now);
@@ -348,7 +329,11 @@ impl<P: Protocol, L: Link> JointBus for DriveBus<P, L> {
                 }
             }
             let first_joint = self.config.joints.iter().position(|joint| joint.interface == n).unwrap_or_default();
-            weigh_replies(&mut self.links[n], first_joint, now);
+            let state = &mut self.links[n];
+            let steady = state.health.reopened == 0 || now.saturating_sub(state.opened_at) >= STEADY;
+            if state.balance.weigh(now, steady) {
+                state.stranger = Some((now, first_joint));
+            }
         }
     }
 
@@ -375,7 +360,7 @@ impl<P: Protocol, L: Link> JointBus for DriveBus<P, L> {
             match state.link.send(&frame, now) {
                 Ok(()) => {
                     state.health.sent += 1;
-                    state.requested += 1;
+                    state.balance.requested += 1;
                     match request {
                         DriveRequest::Enter => self.entered[j] = true,
                         DriveRequest::Exit => self.entered[j] = false,

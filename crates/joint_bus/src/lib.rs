@@ -43,6 +43,8 @@ mod link;
 #[cfg(feature = "std")]
 pub mod memory;
 #[cfg(feature = "std")]
+mod reply_balance;
+#[cfg(feature = "std")]
 mod speech;
 
 #[cfg(feature = "std")]
