@@ -21,9 +21,9 @@ pub(crate) struct ReplyBalance {
 }
 
 impl ReplyBalance {
-    /// At the end of a reading: whether there have been, for [`SURPLUS_CYCLES`], more replies than requests without one,
-    /// by as many as were asked for. Replies that were late are none. Not `steady`, behind the opening of a link, replies
-    /// that had waited come at once.
+    /// At the end of a reading: whether there have been, for [`SURPLUS_CYCLES`], more replies than requests without
+    /// one, by as many as were asked for. Replies that were late are none. Not `steady`, behind the opening of a link,
+    /// replies that had waited come at once.
     pub fn weigh(&mut self, now: Duration, steady: bool) -> bool {
         let (requested, replied) = (core::mem::take(&mut self.requested), core::mem::take(&mut self.replied));
         if now.saturating_sub(self.counted_since) >= LATE_REPLY {
@@ -49,7 +49,8 @@ mod tests {
 
     const MS: Duration = Duration::from_millis(1);
 
-    /// How many cycles, from the first of `replied` on, it takes to notice somebody else, where each cycle asks three drives.
+    /// How many cycles, from the first of `replied` on, it takes to notice somebody else, where each cycle asks three
+    /// drives.
     fn noticed(balance: &mut ReplyBalance, from: Duration, replied: impl IntoIterator<Item = u32>) -> Option<usize> {
         replied.into_iter().enumerate().find_map(|(n, replied)| {
             (balance.requested, balance.replied) = (3, replied);

@@ -14,7 +14,8 @@ impl Program {
         Ok(Self(Command::new(format!("{folder}/{name}")).args(arguments).spawn().map_err(|e| format!("{name}: {e}"))?))
     }
 
-    /// Runs a program that should end by itself, and says how it ended and what it said.
+    /// Runs a program that should end by itself, and says how it ended and what it said. It yields to the others: they
+    /// share one processor with the simulation, which plays the drives.
     pub fn run(
         folder: &str,
         name: &str,
@@ -23,6 +24,10 @@ impl Program {
     ) -> Result<(ExitStatus, String), Failure> {
         let mut command = Command::new(format!("{folder}/{name}"));
         let child = command.args(arguments).stdout(Stdio::null()).stderr(Stdio::piped()).spawn()?;
+        // SAFETY: a plain system call; the number is that of a child that has not been waited for.
+        if unsafe { libc::setpriority(libc::PRIO_PROCESS, child.id(), 19) } != 0 {
+            return Err(format!("setpriority: {}", std::io::Error::last_os_error()).into());
+        }
         let mut program = Self(child);
         let status = program.wait(patience)?;
         let mut said = String::new();
