@@ -50,7 +50,7 @@ pub enum Request {
     /// Clear a fault by its name.
     ClearFault(Fault),
     /// Start on the gait at its first instant. Only for simulators, which can put the robot there
-    /// ([`Config::simulation_start`]).
+    /// ([`crate::Config::simulation_start`]).
     StartOnGait,
 }
 

@@ -3,7 +3,7 @@
 //! A leg is three revolute joints, hip roll, hip pitch and knee, in the torso's axes at zero joint angles: the
 //! axes a₁, a₂, a₃, the vectors between the joints and to the toe, and so (product of exponentials)
 //!
-//! > p(θ) = h + E₁ (d₁ + E₂ (d₂ + E₃ d₃)),  E_k = exp(θ_k [a_k]×).
+//! > p(θ) = h + E₁ (d₁ + E₂ (d₂ + E₃ d₃)),  E_k = exp(θ_k a_k×).
 //!
 //! That holds for any leg of three joints. The closed inverse also needs the pitch and knee axes parallel and the
 //! roll axis square to them: [`LegKinematics::of`] refuses others.
