@@ -296,7 +296,7 @@ impl Estimator {
         let turning = Vector3::from(self.angular_velocity_rad_s);
         let down_in_base = -rotation.row(2).transpose() * config.toe_radius_m;
         let velocity = Vector3::from(self.velocity_m_s);
-        let (mut sum, mut weights, mut square, mut standing) = (Vector3::zeros(), 0.0, 0.0, 0.0);
+        let (mut sum, mut square, mut standing) = (Vector3::zeros(), 0.0, 0.0);
         for toe in input.toes.iter().filter(|toe| toe.stands) {
             let shank = turning + Vector3::from(toe.shank_rad_s);
             let of_toe = Vector3::from(toe.velocity_m_s)
@@ -309,7 +309,6 @@ impl Estimator {
             }
             let weight = 1.0 / (1.0 + squared / (config.slip_m_s * config.slip_m_s));
             sum += difference * weight;
-            weights += weight;
             square += squared;
             standing += 1.0;
         }
@@ -323,14 +322,14 @@ impl Estimator {
         let gain = (dt_s / config.velocity_s * share).min(1.0);
         self.velocity_m_s = (velocity + sum * (gain / standing)).into();
         self.contradiction += gain * (square / standing - self.contradiction);
-        debug_assert!(weights > 0.0);
     }
 
     fn keep_bounds(&mut self, config: &Config) {
         let state =
             [&self.velocity_m_s[..], &self.position_m[..], &self.attitude_xyzw[..], &self.gyro_offset_rad_s[..]];
         if !state.into_iter().flatten().all(|value| value.is_finite()) {
-            *self = Self { health: Health::OutOfBounds, ..Self::default() };
+            // The next data begin anew: what is left here is level by default, not by measurement.
+            *self = Self { health: Health::OutOfBounds, missing_s: 2.0 * LOST_S, ..Self::default() };
         } else if Vector3::from(self.velocity_m_s).norm() > config.speed_limit_m_s {
             self.health = Health::OutOfBounds;
         }

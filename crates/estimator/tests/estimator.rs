@@ -180,6 +180,28 @@ fn a_speed_that_no_robot_has_is_out_of_bounds() {
     assert_eq!(estimator.health(), Health::OutOfBounds);
 }
 
+/// After numbers that are none it finds the vertical again, and does not go on as if the base were level.
+#[test]
+fn an_estimate_that_was_lost_begins_anew_where_the_base_is_tilted() {
+    let tilted = Rotation3::from_euler_angles(0.3, -0.2, 0.0);
+    let inertial = Inertial {
+        angular_velocity_rad_s: [0.0; 3],
+        specific_force_m_s2: (tilted.inverse() * Vector3::new(0.0, 0.0, G)).into(),
+        age_s: 0.0,
+        attitude_xyzw: None,
+    };
+    let toes = [Toe { stands: true, ..Toe::default() }; 4];
+    let good = Input { dt_s: STEP_S, inertial: Some(inertial), toes, phase: None };
+    let mut estimator = Estimator::default();
+    estimator.step(&config(), &good);
+    estimator.step(&config(), &Input { dt_s: f64::NAN, ..good });
+    assert_eq!(estimator.health(), Health::OutOfBounds);
+    estimator.step(&config(), &good);
+    assert_eq!(estimator.health(), Health::Good);
+    let [roll, pitch] = estimator.roll_pitch_rad();
+    assert!((roll - 0.3).abs() < 0.01 && (pitch + 0.2).abs() < 0.01, "{roll} {pitch}");
+}
+
 /// Written down and read again half way, it goes on to the bit.
 #[test]
 fn it_goes_on_from_its_record_to_the_bit() {

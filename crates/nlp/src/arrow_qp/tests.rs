@@ -142,6 +142,19 @@ fn random_programs_have_the_solution_that_clarabel_finds() {
     assert!(solved > 50 && infeasible > 10, "{solved} solved, {infeasible} infeasible");
 }
 
+/// Nearly flat in one direction: there the rows' normals are long in the Hessian's metric.
+fn flatten_one_direction(qp: &mut ArrowQp<W>) {
+    for i in 0..W {
+        for k in 0..W {
+            qp.hessian[i][k] *= if i == 0 || k == 0 { 1e-5 } else { 1.0 };
+        }
+    }
+    qp.hessian[0][0] += 1e-9;
+    for own in &mut qp.own {
+        own.coupling[0] *= 1e-5;
+    }
+}
+
 /// Rows that repeat each other but for rounding, between bounds that contradict each other or hardly do not.
 #[test]
 fn rows_that_nearly_repeat_each_other_never_end_in_an_optimum_that_breaks_them() {
@@ -152,16 +165,7 @@ fn rows_that_nearly_repeat_each_other_never_end_in_an_optimum_that_breaks_them()
         let mut qp = random(seed, own, 2 * W, [0.02, 0.3, 3.0][seed as usize % 3]);
         let apart = 10f64.powi(-8 - (seed % 6) as i32);
         let mut r = noise(seed + 7);
-        // Nearly flat in one direction: there the rows' normals are long in the Hessian's metric.
-        for i in 0..W {
-            for k in 0..W {
-                qp.hessian[i][k] *= if i == 0 || k == 0 { 1e-5 } else { 1.0 };
-            }
-        }
-        qp.hessian[0][0] += 1e-9;
-        for own in &mut qp.own {
-            own.coupling[0] *= 1e-5;
-        }
+        flatten_one_direction(&mut qp);
         for row in qp.rows.clone().iter().cycle().take(4 * W) {
             let normal = row.normal.map(|n| n + apart * r());
             let offset = row.offset + [0.1 * apart, 100.0 * apart, 1e-3, 0.5][seed as usize % 4] * r();
@@ -199,16 +203,7 @@ fn there_are_never_more_active_rows_than_unknowns_that_they_hold() {
         let mut qp = random(seed, own, 2 * W, [0.02, 0.3, 3.0][seed as usize % 3]);
         let apart = 10f64.powi(-6 - (seed % 8) as i32);
         let mut r = noise(seed + 7);
-        // Nearly flat in one direction: there the rows' normals are long in the Hessian's metric.
-        for i in 0..W {
-            for k in 0..W {
-                qp.hessian[i][k] *= if i == 0 || k == 0 { 1e-5 } else { 1.0 };
-            }
-        }
-        qp.hessian[0][0] += 1e-9;
-        for own in &mut qp.own {
-            own.coupling[0] *= 1e-5;
-        }
+        flatten_one_direction(&mut qp);
         for row in &mut qp.rows {
             row.normal[HELD..].fill(0.0);
             row.own = if own > 1 && row.own.1 != 0.0 { (row.own.0 % (own - 1), row.own.1) } else { (0, 0.0) };
