@@ -4,6 +4,7 @@ and the node answers as before."""
 import os
 import pathlib
 import socket
+import threading
 import time
 
 import pytest
@@ -87,7 +88,7 @@ def test_nothing_comes_of(pair, name):
     memory, tasks = resident_bytes(pid), threads(pid)
     for port in pair.ports:
         pair.send(*DATAGRAMS[name])
-    time.sleep(2)
+    time.sleep(1.2)
     assert pair.node.alive(), pair.node.text()[-3000:]
     grown = resident_bytes(pid) - memory
     assert grown < GROWTH_BYTES and threads(pid) >= tasks and "panicked" not in pair.node.text(), (grown, pair.node.text()[-3000:])
@@ -117,3 +118,26 @@ def test_a_forged_heartbeat_does_not_make_deaf(pair):
     time.sleep(5)
     newcomer = pair.service("/attacked/generate_gait")
     print(f"a client that came after it is answered in {1000 * pair.answers(newcomer, 5.0):.0f} ms")
+
+
+def test_an_endpoint_that_others_dispose_of_stays(pair):
+    """Its participant still announces it: that is asked, three times within a second, before the end of an endpoint is believed."""
+    heard = []
+    listening = threading.Thread(target=lambda: heard.extend(rtps.capture(5, {FIRST_PORT, *pair.ports})))
+    listening.start()
+    while listening.is_alive():
+        pair.answers(pair.generate)
+        time.sleep(0.2)
+    known = rtps.Known(heard, rtps.FAST_DDS)
+    written = known.writers[pair.asker]
+    of_users = lambda entities: sorted({entity for entity in entities if entity[3] & 0xC0 == 0})
+    endpoints = [of_users(written), of_users(reader for reader, _ in known.readers[pair.asker])]
+    assert all(endpoints), f"the asker's writers and readers are heard: {known.writers} {known.readers}"
+    for (writer, reader), entities in zip(rtps.SEDP, endpoints, strict=True):
+        for number, entity in enumerate(entities, written[writer] + 1):
+            pair.send(raw=rtps.message(pair.asker, rtps.disposal(reader, writer, number, 0x5A, pair.asker + entity)))
+    slowest, began = 0.0, time.monotonic()
+    while time.monotonic() < began + 4:
+        slowest = max(slowest, pair.answers(pair.generate))
+        time.sleep(0.05)
+    print(f"answered in at most {1000 * slowest:.0f} ms after {sum(map(len, endpoints))} endpoints were said to be gone")

@@ -82,6 +82,31 @@ class Host:
         self.errors.close()
 
 
+def test_a_network_that_comes_up_later_is_used(hosts, tmp_path):
+    """The node starts where there is no network yet, as a robot does before its radio is up; then an address comes, and another one."""
+    address = lambda change, at: ip("-n", PLANNER, "addr", change, f"{at}/24", "dev", "to_robot")
+    address("del", "10.77.0.1")
+    cable("down")
+    planner, robot = Host(PLANNER, tmp_path), Host(ROBOT, tmp_path)
+    try:
+        node = planner.start("tandem_planner")
+        wait_until(lambda: "starts:" in node.text(), 10, "the planner has started")
+        time.sleep(4)  # it has announced itself where nobody is
+        for last, this in ((None, "10.77.0.1"), ("10.77.0.1", "10.77.0.9")):
+            if last:
+                address("del", last)
+            address("add", this)
+            cable("up")
+            began = time.monotonic()
+            answer = robot.call("/generate_gait", "tandem_msgs/srv/GenerateGait", 40, behaviour="gait1")
+            assert answer["success"], answer
+            print(f"reached at {this} {time.monotonic() - began:.1f} s after it came up")
+        assert "to_robot came up after the start" in node.text(), node.text()
+    finally:
+        planner.close()
+        robot.close()
+
+
 def test_walking_survives_a_cut_cable_and_a_killed_planner(hosts, tmp_path):
     planner, robot = Host(PLANNER, tmp_path), Host(ROBOT, tmp_path)
     try:

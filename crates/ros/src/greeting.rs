@@ -55,7 +55,7 @@ pub(crate) fn start(arguments: &Arguments, namespace: &str, name: &str) -> Optio
 /// How often it is looked for new network interfaces.
 const INTERFACES_PERIOD: Duration = Duration::from_secs(2);
 
-/// The middleware uses the interfaces that were there when it started: of one that comes up later a person is told,
+/// The middleware uses an interface that comes up later too, from its next announcement on; a person is told of it,
 /// until the process ends. Without the list, or a thread, nobody is.
 fn watch_interfaces() {
     let routes = || std::fs::read_to_string("/proc/net/route").map(|table| interfaces(&table));
@@ -65,9 +65,7 @@ fn watch_interfaces() {
             std::thread::sleep(INTERFACES_PERIOD);
             for name in routes().unwrap_or_default() {
                 if known.insert(name.clone()) {
-                    tracing::warn!(
-                        "the network interface {name} came up after the start: start this node again to use it"
-                    );
+                    tracing::info!("the network interface {name} came up after the start, and is used from now on");
                 }
             }
         }
