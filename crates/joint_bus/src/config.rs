@@ -52,6 +52,8 @@ pub struct BusConfig {
     pub protocol: ProtocolName,
     /// Identifier of replies.
     pub host_id: u32,
+    /// Whether drives whose protocol has no query are told to rest, which they answer, before anybody has armed the robot.
+    pub ask_before_arming: bool,
     /// Names of the interfaces, such as `can0`.
     pub interfaces: Vec<String>,
     /// In the robot's order of joints.
@@ -82,6 +84,8 @@ struct File {
     robot: String,
     protocol: ProtocolName,
     host_id: u32,
+    #[serde(default)]
+    ask_before_arming: bool,
     interfaces: Vec<String>,
     ranges: FileRanges,
     limits: Option<FileLimits>,
@@ -242,6 +246,7 @@ impl BusConfig {
             robot: file.robot,
             protocol: file.protocol,
             host_id: file.host_id,
+            ask_before_arming: file.ask_before_arming,
             interfaces: file.interfaces,
             joints,
         })

@@ -51,6 +51,8 @@ pub enum DriveRequest {
     Enter,
     /// Open the loop: no torque. The drive still replies.
     Exit,
+    /// Say where you are; nothing else changes. Some protocols have no such question: [`Protocol::has_query`].
+    Query,
     /// The present position is zero from now on.
     SetZero,
     /// Follow this.
@@ -107,6 +109,8 @@ impl DriveCommand {
 /// Numbers out of a drive's range are sent as the range's end: limits are the controller's task, done before. Every frame to
 /// a drive is answered by it, so that [`DriveRequest::Exit`] also serves to ask a drive at rest for its state.
 pub trait Protocol {
+    /// Whether a drive can be asked where it is without being told anything: whether [`DriveRequest::Query`] has a frame.
+    fn has_query(&self) -> bool;
     /// The frame for a drive.
     fn encode_request(&self, id: u8, ranges: &Ranges, request: &DriveRequest) -> Result<Frame, EncodeError>;
     /// The drive that a reply comes from; `None` if the frame is no reply of this protocol.

@@ -19,6 +19,9 @@ const DOWN_FAULT: Duration = Duration::from_millis(5);
 /// A command of somebody else is told of for so long: longer than one lost cycle, short enough that the fault can be
 /// cleared once the other is gone.
 const STRANGER_MEMORY: Duration = Duration::from_millis(500);
+/// Someone wants to arm: so long the drives' first answers are waited for, and so long the drives are asked.
+const FIRST_ANSWERS: Duration = Duration::from_millis(100);
+const ASKED_TO_ARM: Duration = Duration::from_secs(1);
 /// Behind the opening of a link its old socket's frames may still leave the queue, and the new socket hears them.
 const OWN_ECHO: Duration = Duration::from_millis(100);
 
@@ -119,6 +122,12 @@ pub trait JointBus {
     fn read(&mut self, now: Duration, readings: &mut Readings);
     /// Sends a command to every joint. With `drives_on` false the drives are told to rest (and asked for their state).
     fn write(&mut self, command: &JointCommand, drives_on: bool, now: Duration);
+    /// Someone wants to arm. False while first answers of joints are awaited that nobody has asked where they are: ask
+    /// again in the next cycle.
+    fn prepare_to_arm(&mut self, readings: &Readings, now: Duration) -> bool {
+        let _ = (readings, now);
+        true
+    }
     /// What the controller has to know of the bus: a link that has been down for too long.
     fn fault(&self, now: Duration) -> Option<FaultReport>;
     /// Counts.
@@ -147,8 +156,10 @@ pub struct DriveBus<P, L> {
     entered: [bool; JOINTS],
     /// What each drive reported last.
     errors: [u8; JOINTS],
-    /// Whether the drives were ever on: who never was stays silent beside another master.
+    /// Whether the drives were ever on: who never was tells them nothing.
     was_on: bool,
+    /// When someone wanted to arm, before the drives were ever on.
+    asked_to_arm: Option<Duration>,
     writes: u64,
 }
 
@@ -182,7 +193,16 @@ impl<P: Protocol, L: Link> DriveBus<P, L> {
                 }
             })
             .collect();
-        Self { protocol, links, config, entered: [false; JOINTS], errors: [0; JOINTS], was_on: false, writes: 0 }
+        Self {
+            protocol,
+            links,
+            config,
+            entered: [false; JOINTS],
+            errors: [0; JOINTS],
+            was_on: false,
+            asked_to_arm: None,
+            writes: 0,
+        }
     }
 
     /// A link, for tests that make it fail.
@@ -255,10 +275,24 @@ impl<P: Protocol, L: Link> DriveBus<P, L> {
         })
     }
 
-    fn request(&self, j: usize, command: &JointCommand, drives_on: bool) -> DriveRequest {
-        if !drives_on {
-            return DriveRequest::Exit;
+    /// Whether a drive may be told to rest only to hear where it is.
+    fn may_tell_to_rest(&self, now: Duration) -> bool {
+        let wanted = self.asked_to_arm.is_some_and(|asked| now.saturating_sub(asked) < ASKED_TO_ARM);
+        self.was_on || self.config.ask_before_arming || wanted
+    }
+
+    /// What joint j's drive is sent; nothing, where even a question is an order and nobody has armed.
+    fn request(&self, j: usize, command: &JointCommand, drives_on: bool, now: Duration) -> Option<DriveRequest> {
+        if drives_on {
+            return Some(self.order(j, command));
         }
+        if !self.was_on && self.protocol.has_query() {
+            return Some(DriveRequest::Query);
+        }
+        self.may_tell_to_rest(now).then_some(DriveRequest::Exit)
+    }
+
+    fn order(&self, j: usize, command: &JointCommand) -> DriveRequest {
         // The frame that told a drive to enter may have been lost, and its watchdog may have tripped. While it is only
         // to be damped it can be told again without a surprise; not every time, because entering forgets the damping.
         let damped = command.kp[j] == 0.0 && command.torque_nm[j] == 0.0;
@@ -280,10 +314,10 @@ impl<P: Protocol, L: Link> DriveBus<P, L> {
 
 /// The joint whose drive a frame commands.
 fn commanded(protocol: &impl Protocol, config: &BusConfig, n: usize, frame: &Frame) -> Option<usize> {
-    config
-        .joints
-        .iter()
-        .position(|joint| joint.interface == n && protocol.decode_request(joint.id, &joint.ranges, frame).is_some())
+    let orders = |request| request != DriveRequest::Query;
+    config.joints.iter().position(|joint| {
+        joint.interface == n && protocol.decode_request(joint.id, &joint.ranges, frame).is_some_and(orders)
+    })
 }
 
 fn broke<L>(state: &mut LinkState<L>, now: Duration) {
@@ -352,7 +386,7 @@ impl<P: Protocol, L: Link> JointBus for DriveBus<P, L> {
                 self.entered[j] = false;
                 continue;
             }
-            let request = self.request(j, command, drives_on);
+            let Some(request) = self.request(j, command, drives_on, now) else { continue };
             // A command that is not finite never leaves the controller; if one did, the drive's watchdog would take
             // over.
             let Ok(frame) = self.protocol.encode_request(id, &ranges, &request) else { continue };
@@ -371,6 +405,19 @@ impl<P: Protocol, L: Link> JointBus for DriveBus<P, L> {
                 Err(_) => broke(state, now),
             }
         }
+    }
+
+    fn prepare_to_arm(&mut self, readings: &Readings, now: Duration) -> bool {
+        if self.protocol.has_query() || self.was_on || self.config.ask_before_arming {
+            return true;
+        }
+        let asked = *self.asked_to_arm.get_or_insert(now);
+        if now.saturating_sub(asked) >= ASKED_TO_ARM {
+            self.asked_to_arm = Some(now);
+            return false;
+        }
+        let answered = readings.arrived.iter().all(|at| at.is_some_and(|at| at >= asked));
+        answered || now.saturating_sub(asked) >= FIRST_ANSWERS
     }
 
     fn fault(&self, now: Duration) -> Option<FaultReport> {

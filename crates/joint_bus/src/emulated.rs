@@ -107,8 +107,11 @@ impl EmulatedDrive {
     /// Takes a frame at time `now` with the motor at `q` rad and `v` rad/s; the reply, if the frame was for this drive.
     pub fn receive(&mut self, protocol: &impl Protocol, frame: &Frame, now: Duration, q: f64, v: f64) -> Option<Frame> {
         let request = protocol.decode_request(self.id, &self.ranges, frame)?;
-        self.heard = now;
+        if request != DriveRequest::Query {
+            self.heard = now;
+        }
         match request {
+            DriveRequest::Query => {}
             DriveRequest::Enter => {
                 self.following = true;
                 self.tripped = false;

@@ -63,11 +63,17 @@ fn pack(r: &Ranges, c: &DriveCommand) -> [u8; 8] {
 }
 
 impl Protocol for Mit {
+    /// Each of its frames is an order.
+    fn has_query(&self) -> bool {
+        false
+    }
+
     fn encode_request(&self, id: u8, ranges: &Ranges, request: &DriveRequest) -> Result<Frame, EncodeError> {
         let data = match request {
             DriveRequest::Enter => special(ENTER),
             DriveRequest::Exit => special(EXIT),
             DriveRequest::SetZero => special(ZERO),
+            DriveRequest::Query => return Err(EncodeError { field: "a query in MIT frames", value: f64::NAN }),
             DriveRequest::Command(command) => {
                 command.check()?;
                 pack(ranges, command)

@@ -142,6 +142,10 @@ fn variable(bytes: &mut impl Iterator<Item = u8>) -> Option<u32> {
 }
 
 impl Protocol for Registers {
+    fn has_query(&self) -> bool {
+        true
+    }
+
     fn encode_request(&self, id: u8, r: &Ranges, request: &DriveRequest) -> Result<Frame, EncodeError> {
         let mut w = Writer::new();
         let write_mode = [subframe::WRITE | subframe::INT8 | 1, register::MODE as u8];
@@ -152,6 +156,7 @@ impl Protocol for Registers {
             DriveRequest::Exit => {
                 w.bytes(&write_mode).bytes(&[mode::STOPPED]);
             }
+            DriveRequest::Query => {}
             DriveRequest::SetZero => {
                 let [low, high] =
                     [(register::SET_OUTPUT_EXACT & 0x7f) as u8 | 0x80, (register::SET_OUTPUT_EXACT >> 7) as u8];
@@ -232,7 +237,8 @@ impl Protocol for Registers {
             (_, Some(mode::POSITION)) => Some(DriveRequest::Command(c)),
             (_, Some(mode::STOPPED)) => Some(DriveRequest::Exit),
             (_, Some(mode::ZERO_VELOCITY)) => Some(DriveRequest::Enter),
-            _ if zero => Some(DriveRequest::SetZero),
+            (_, None) if zero => Some(DriveRequest::SetZero),
+            (_, None) if frame.data().starts_with(&QUERY) => Some(DriveRequest::Query),
             _ => None,
         }
     }

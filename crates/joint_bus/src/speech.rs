@@ -23,6 +23,13 @@ impl Speech {
 }
 
 impl Protocol for Speech {
+    fn has_query(&self) -> bool {
+        match self {
+            Self::Mit(p) => p.has_query(),
+            Self::Registers(p) => p.has_query(),
+        }
+    }
+
     fn encode_request(&self, id: u8, ranges: &Ranges, request: &DriveRequest) -> Result<Frame, EncodeError> {
         match self {
             Self::Mit(p) => p.encode_request(id, ranges, request),

@@ -221,7 +221,8 @@ fn look(arguments: &Arguments, bus: &BusConfig) -> Result<Looked> {
                 };
                 let seen = links.map(|ours| {
                     let (links, _locks) = ours?;
-                    Some(drives::ask(&mut DriveBus::new(bus.clone(), Speech::of(bus), links), cycles, &mut wait))
+                    let wiring = BusConfig { ask_before_arming: true, ..bus.clone() };
+                    Some(drives::ask(&mut DriveBus::new(wiring, Speech::of(bus), links), cycles, &mut wait))
                 });
                 // The loop's pace is measured all the same.
                 if !matches!(seen, Ok(Some(_))) {

@@ -135,6 +135,8 @@ pub struct Cycle {
 
 impl Cycle {
     /// One step on `state` at time `now`, with everything that was asked meanwhile.
+    ///
+    /// An arm request, and what was asked after it, waits while `measured` says that joints are yet to answer.
     fn step(&mut self, memory: &mut Memory, measured: &Measured, now: Duration, wall: Duration, stop: bool) -> Output {
         let state = measured.state;
         let mut requests = [Request::Stop; MAX_REQUESTS];
@@ -149,7 +151,7 @@ impl Cycle {
             requests[0] = Request::StartOnGait;
             count = 1;
         }
-        while count < MAX_REQUESTS {
+        while count < MAX_REQUESTS && !(measured.awaits_answers && self.arm_is_next()) {
             let Ok(asked) = self.asked.pop() else { break };
             (requests[count], ids[count]) = (asked.request, asked.id);
             count += 1;
@@ -185,6 +187,10 @@ impl Cycle {
         output
     }
 
+    fn arm_is_next(&mut self) -> bool {
+        self.asked.peek().is_ok_and(|asked| asked.request == Request::Arm)
+    }
+
     /// A full buffer means that the press has stalled; what it misses are outputs that are too old already.
     fn say(&mut self, said: Said) {
         if self.said.push(said).is_ok() {
@@ -214,7 +220,9 @@ impl Cycle {
             bus.read(now, &mut readings);
             let state = readings.joint_state();
             let stop = self.stop.load(Ordering::Acquire);
+            let awaits_answers = self.arm_is_next() && !bus.prepare_to_arm(&readings, now);
             let measured = Measured {
+                awaits_answers,
                 state: state.as_ref(),
                 effort_nm: readings.torque_told.then_some(readings.torque_nm),
                 fault: bus.fault(now),
@@ -278,6 +286,7 @@ struct Measured<'a> {
     fault: Option<FaultReport>,
     readings: Option<Readings>,
     bus: Option<BusHealth>,
+    awaits_answers: bool,
 }
 
 /// What the loop remembers besides the controller.

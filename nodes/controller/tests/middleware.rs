@@ -152,7 +152,9 @@ fn play(mut far: impl Far, mut q: [f64; JOINTS], mut v: [f64; JOINTS], seen: Arc
 
 fn bus_config(robot: &Robot, config: &Config) -> BusConfig {
     let file = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../config/hardware/vision60_can.toml");
-    BusConfig::from_toml_str(&std::fs::read_to_string(file).unwrap(), &robot.name, &config.joint_names).unwrap()
+    let text = std::fs::read_to_string(file).unwrap();
+    let wiring = BusConfig::from_toml_str(&text, &robot.name, &config.joint_names).unwrap();
+    BusConfig { ask_before_arming: true, ..wiring }
 }
 
 /// The process that is to end by itself: walks, then breaks the middleware.

@@ -15,7 +15,7 @@ pub fn joint_names() -> [String; JOINTS] {
 /// A bus file with signs and zeros that differ from joint to joint.
 pub fn bus_text(protocol: &str, gear_ratio: f64) -> String {
     let mut text = format!(
-        "format = \"tandem-bus\"\nversion = 1\nrobot = \"vision60\"\nprotocol = \"{protocol}\"\nhost_id = 0\n\
+        "format = \"tandem-bus\"\nversion = 1\nrobot = \"vision60\"\nprotocol = \"{protocol}\"\nhost_id = 0\nask_before_arming = true\n\
          interfaces = [\"can0\", \"can1\", \"can2\", \"can3\"]\n\
          [ranges]\nposition_rad = 12.5\nvelocity_rad_s = 65.0\nkp_nm_per_rad = 500.0\nkd_nm_s_per_rad = 10.0\ntorque_nm = 90.0\n"
     );

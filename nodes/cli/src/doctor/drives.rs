@@ -206,7 +206,8 @@ pub mod tests {
     pub fn wiring(protocol: &str) -> BusConfig {
         let text = include_str!("../../../../config/hardware/vision60_can.toml");
         let text = text.replacen("protocol = \"mit\"", &format!("protocol = \"{protocol}\""), 1);
-        BusConfig::from_toml_str(&text, "vision60", &vision60().joint_names()).unwrap()
+        let wiring = BusConfig::from_toml_str(&text, "vision60", &vision60().joint_names()).unwrap();
+        BusConfig { ask_before_arming: true, ..wiring }
     }
 
     /// Asks emulated drives that sit, changed by `change`; `q` is where the joints are in cycle n.

@@ -25,7 +25,7 @@ impl Program {
         let mut command = Command::new(format!("{folder}/{name}"));
         let child = command.args(arguments).stdout(Stdio::null()).stderr(Stdio::piped()).spawn()?;
         // SAFETY: a plain system call; the number is that of a child that has not been waited for.
-        if unsafe { libc::setpriority(libc::PRIO_PROCESS, child.id(), 19) } != 0 {
+        if unsafe { libc::setpriority(libc::PRIO_PROCESS, child.id(), 10) } != 0 {
             return Err(format!("setpriority: {}", std::io::Error::last_os_error()).into());
         }
         let mut program = Self(child);

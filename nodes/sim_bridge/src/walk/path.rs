@@ -4,7 +4,7 @@ use super::{WalkError, WalkOptions};
 use crate::drives::{DriveBench, Speech};
 use crate::simulator::Simulator;
 use control::{Config, JointCommand, JointState, Output};
-use joint_bus::{DriveBus, JointBus, Link, Readings, memory};
+use joint_bus::{BusConfig, DriveBus, JointBus, Link, Readings, memory};
 use std::collections::VecDeque;
 use std::time::Duration;
 
@@ -36,7 +36,9 @@ impl Path {
                 (near, Box::new(far) as Box<dyn Link + Send>)
             })
             .unzip();
-        let bus = Box::new(DriveBus::new(drives.bus.clone(), Speech::of(&drives.bus), near));
+        // Nobody else is on these links.
+        let wiring = BusConfig { ask_before_arming: true, ..drives.bus.clone() };
+        let bus = Box::new(DriveBus::new(wiring, Speech::of(&drives.bus), near));
         let bench = Box::new(DriveBench::new(drives.bus.clone(), drives.model, far));
         let mut path = Self::Bus { bus, bench, readings: Box::default() };
         path.greet();
