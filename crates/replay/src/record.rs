@@ -4,7 +4,7 @@ use std::path::Path;
 use std::time::Duration;
 
 use bag::{Qos, Recorder, RecorderOptions, RecorderStatus, Summary, Topic};
-use control::{Config, Input, JOINTS, Mode, Output, Snapshot, resolution};
+use control::{Config, InertialState, Input, JOINTS, Mode, Output, Snapshot, resolution};
 use gait::{Gait, LEGS};
 use tandem_msgs::builtin_interfaces::Time;
 use tandem_msgs::geometry_msgs::{Point, Quaternion, Vector3, WrenchStamped};
@@ -248,7 +248,6 @@ impl RunRecorder {
             state_drive_error: state
                 .filter(|state| state.drive_error != [0; JOINTS])
                 .map_or(Vec::new(), |state| state.drive_error.to_vec()),
-            tilt_rad: input.tilt.map_or(Vec::new(), |tilt| vec![tilt.roll_rad, tilt.pitch_rad]),
             requests: input.requests.iter().map(request_word).collect(),
             emergency_stop: input.emergency_stop,
             gait: if input.gait.is_some() { self.gaits } else { 0 },
@@ -257,6 +256,7 @@ impl RunRecorder {
             fault_value: input.fault.map_or(0.0, |report| report.value),
             fault_limit: input.fault.map_or(0.0, |report| report.limit),
             mode: output.mode.name().into(),
+            ..inertial_part(input.inertial.as_ref(), age_ns)
         };
         taken &= self.recorder.push_message(&self.control_cycle, stamp_ns, &message)?;
         let due = self
@@ -330,4 +330,16 @@ impl RunRecorder {
 /// Lossless up to 68 years.
 fn time_message(time: Duration) -> Time {
     Time { sec: i32::try_from(time.as_secs()).unwrap_or(i32::MAX), nanosec: time.subsec_nanos() }
+}
+
+/// What a cycle says of the inertial unit; `age_ns` gives the age of a time at the cycle.
+fn inertial_part(unit: Option<&InertialState>, age_ns: impl Fn(Duration) -> i64) -> ControlCycle {
+    let Some(unit) = unit else { return ControlCycle::default() };
+    ControlCycle {
+        inertial_age_ns: vec![age_ns(unit.stamp), age_ns(unit.arrived)],
+        inertial_attitude: unit.attitude_xyzw.map_or(Vec::new(), Vec::from),
+        inertial_angular_velocity: unit.angular_velocity_rad_s.map_or(Vec::new(), Vec::from),
+        inertial_acceleration: unit.acceleration_m_s2.map_or(Vec::new(), Vec::from),
+        ..ControlCycle::default()
+    }
 }
