@@ -60,6 +60,8 @@ messages! { "tandem_msgs";
         fault_limit: f64,
         /// What the controller was doing after the step.
         mode: String,
+        /// What the cycle before saw of the inertial unit holds still, and the lists are empty.
+        inertial_held: bool,
         /// Ages of the inertial unit's stamp and of its coming in, ns; none where there is no unit.
         inertial_age_ns: Vec<i64>,
         /// (x, y, z, w), or none.

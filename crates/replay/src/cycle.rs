@@ -7,16 +7,17 @@ use bag::{BagError, BagTopic, from_cdr};
 use control::{InertialState, Tilt};
 use tandem_msgs::ControlCycle;
 
-/// Fields that were added at the message's end: four lists, of which every one empty is a length of 0.
-const INERTIAL: (&str, usize) = ("inertial_age_ns", 4 * 4);
+/// Fields that were added at the message's end: a flag, and four lists, of which every one empty is a length of 0.
+const INERTIAL: (&str, usize, usize) = ("inertial_age_ns", 1, 4 * 4);
 
 /// A recorded cycle. What an older message does not say is empty.
 pub(crate) fn control_cycle(topic: &BagTopic, data: &[u8]) -> Result<ControlCycle, BagError> {
-    let (field, bytes) = INERTIAL;
+    let (field, flag, lists) = INERTIAL;
     let is_older = topic.definition.as_deref().is_some_and(|definition| !definition.contains(field));
     let whole = if is_older {
         // The lists' lengths are aligned to 4 after the 4 bytes of the encapsulation.
-        Cow::Owned([data, &vec![0; data.len().next_multiple_of(4) - data.len() + bytes]].concat())
+        let missing = (data.len() + flag).next_multiple_of(4) - data.len() + lists;
+        Cow::Owned([data, &vec![0; missing]].concat())
     } else {
         Cow::Borrowed(data)
     };
@@ -30,8 +31,14 @@ pub(crate) fn before(cycle: &ControlCycle, age_ns: i64) -> Result<Duration, &'st
     u64::try_from(now_ns - i128::from(age_ns)).map(Duration::from_nanos).map_err(|_| "a time before zero")
 }
 
-/// What the cycle saw of the inertial unit.
-pub(crate) fn inertial_state(cycle: &ControlCycle) -> Result<Option<InertialState>, String> {
+/// What the cycle saw of the inertial unit; `last` is what the cycle before saw.
+pub(crate) fn inertial_state(
+    cycle: &ControlCycle,
+    last: Option<InertialState>,
+) -> Result<Option<InertialState>, String> {
+    if cycle.inertial_held {
+        return last.map(Some).ok_or_else(|| "inertial_held without a state in the cycle before".into());
+    }
     let (stamp, arrived) = match (cycle.inertial_age_ns.as_slice(), cycle.tilt_rad.as_slice()) {
         ([], []) => return Ok(None),
         ([], [roll_rad, pitch_rad]) => {

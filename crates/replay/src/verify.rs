@@ -122,6 +122,8 @@ struct Player {
     gaits: Vec<Gait>,
     state: Option<JointState>,
     commands: Vec<JointCommand>,
+    /// What the last cycle saw of the inertial unit.
+    inertial: Option<control::InertialState>,
     last_index: u64,
     /// A cycle was run, or the recording says where it began.
     begun: bool,
@@ -187,7 +189,7 @@ impl Player {
                 Some(PreparedGait::new(gait, config).map_err(|error| error.to_string())?)
             }
         };
-        let inertial = inertial_state(cycle)?;
+        self.inertial = inertial_state(cycle, self.inertial)?;
         let fault = if cycle.fault.is_empty() {
             None
         } else {
@@ -198,7 +200,7 @@ impl Player {
         };
         let input = Input {
             joints: joints.as_ref(),
-            inertial,
+            inertial: self.inertial,
             requests: &requests,
             gait: gait.as_ref(),
             emergency_stop: cycle.emergency_stop,

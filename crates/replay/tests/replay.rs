@@ -92,7 +92,7 @@ fn record_from(folder: &Path, seconds: u64, first: u64) -> u64 {
         temperature_c: None,
         drive_error: [0; 12],
     };
-    let mut modes = Vec::new();
+    let (mut held, mut modes) = (None, Vec::new());
     for cycle in 1..=seconds * 1000 {
         let jitter_ns = (random() * 40_000.0) as i64 + 20_000;
         let now = Duration::from_millis(cycle) + Duration::from_nanos(jitter_ns as u64);
@@ -111,7 +111,7 @@ fn record_from(folder: &Path, seconds: u64, first: u64) -> u64 {
         if loaded.is_some() {
             run.iter_mut().for_each(|run: &mut RunRecorder| assert!(run.gait(&gait).unwrap()));
         }
-        let inertial = Some(inertial(cycle, now, &mut random));
+        let inertial = inertial(cycle, now, &mut held, &mut random);
         let input = Input { joints: Some(&state), inertial, requests, gait: loaded, ..Input::default() };
         if cycle == first {
             let mut started = start();
@@ -157,8 +157,21 @@ fn record_from(folder: &Path, seconds: u64, first: u64) -> u64 {
     summary.bytes
 }
 
+/// A unit at a fifth of the cycles' rate, silent for a while.
+fn inertial(
+    cycle: u64,
+    now: Duration,
+    held: &mut Option<InertialState>,
+    random: &mut impl FnMut() -> f64,
+) -> Option<InertialState> {
+    if held.is_none() || cycle.is_multiple_of(5) {
+        *held = Some(inertial_message(cycle, now, random));
+    }
+    held.filter(|_| !(300..340).contains(&cycle))
+}
+
 /// Every third message is of a unit that measures no acceleration.
-fn inertial(cycle: u64, now: Duration, random: &mut impl FnMut() -> f64) -> InertialState {
+fn inertial_message(cycle: u64, now: Duration, random: &mut impl FnMut() -> f64) -> InertialState {
     let tilt = Tilt { roll_rad: 0.01 * random(), pitch_rad: 0.01 * random() };
     InertialState {
         stamp: now + Duration::from_secs(1_700_000_000),
