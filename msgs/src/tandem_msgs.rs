@@ -41,7 +41,7 @@ messages! { "tandem_msgs";
         state_temperature_c: Vec<f64>,
         /// 12 entries, or none where all are 0 (no error).
         state_drive_error: Vec<u8>,
-        /// Roll and pitch of the base, rad; none where it is not measured.
+        /// Roll and pitch of the base, rad, in recordings of versions before the whole inertial unit was recorded.
         tilt_rad: Vec<f64>,
         /// What operators asked since the cycle before, in order: arm, disarm, stand, sit, walk, stop, `clear_fault NAME`,
         /// `start_on_gait`.
@@ -60,6 +60,16 @@ messages! { "tandem_msgs";
         fault_limit: f64,
         /// What the controller was doing after the step.
         mode: String,
+        /// What the cycle before saw of the inertial unit holds still, and the lists are empty.
+        inertial_held: bool,
+        /// Ages of the inertial unit's stamp and of its coming in, ns; none where there is no unit.
+        inertial_age_ns: Vec<i64>,
+        /// (x, y, z, w), or none.
+        inertial_attitude: Vec<f64>,
+        /// About the base's axes, rad/s, or none.
+        inertial_angular_velocity: Vec<f64>,
+        /// Along the base's axes, m/s², gravity included, or none.
+        inertial_acceleration: Vec<f64>,
     }
     /// How the optimisation of a gait ended.
     SolverReport {

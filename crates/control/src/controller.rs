@@ -3,7 +3,7 @@
 use crate::limits::Limits;
 use crate::memory::Snapshot;
 use crate::motion::Progress;
-use crate::watch::{Found, Seen, watch_tilt};
+use crate::watch::{Found, Seen, watch_inertial};
 use crate::{
     Config, ConfigError, DampingReason, DriveMode, Event, Fault, FaultReport, Guards, Input, JOINTS, JointCommand,
     MAX_REQUESTS, Mode, Output, PreparedGait, Refusal, Request,
@@ -107,7 +107,7 @@ impl Controller {
             self.memory.stale_inputs += 1;
         }
         let mut found = Found::default();
-        watch_tilt(&self.config, self.mode(), input.tilt, &mut found);
+        watch_inertial(&self.config, self.mode(), input.inertial.as_ref(), &mut found);
         self.latch_found(&found, now);
         dt_s
     }

@@ -4,7 +4,7 @@
 #[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
 #[repr(u8)]
 pub enum Fault {
-    /// A measured position, velocity or temperature, or the base's tilt, was NaN or infinite.
+    /// A measured position, velocity or temperature, or a number of the inertial unit's, was NaN or infinite.
     InvalidInput,
     /// A measured position lies where the joint cannot be.
     PositionOutOfRange,

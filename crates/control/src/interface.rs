@@ -1,6 +1,6 @@
 //! What one step is given and what it says.
 
-use crate::{Fault, FaultReport, FaultSet, JOINTS, JointCommand, Mode, PreparedGait, Refusal};
+use crate::{Fault, FaultReport, FaultSet, InertialState, JOINTS, JointCommand, Mode, PreparedGait, Refusal};
 use std::time::Duration;
 
 /// Requests that one step takes; more are refused.
@@ -21,15 +21,6 @@ pub struct JointState {
     pub temperature_c: Option<[f64; JOINTS]>,
     /// Error codes of the drives; 0 means none.
     pub drive_error: [u8; JOINTS],
-}
-
-/// The base's attitude from an inertial unit.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Tilt {
-    /// Rotation about the forward axis, rad.
-    pub roll_rad: f64,
-    /// Rotation about the leftward axis, rad.
-    pub pitch_rad: f64,
 }
 
 /// What an operator may ask.
@@ -59,8 +50,8 @@ pub enum Request {
 pub struct Input<'a> {
     /// The newest joint state; the same again is fine.
     pub joints: Option<&'a JointState>,
-    /// The base's attitude, where it is measured.
-    pub tilt: Option<Tilt>,
+    /// The newest that the inertial unit said, where there is one and it is heard.
+    pub inertial: Option<InertialState>,
     /// What operators asked since the last step, in order.
     pub requests: &'a [Request],
     /// A gait that arrived since the last step.

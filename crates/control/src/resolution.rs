@@ -9,7 +9,7 @@
 //! stays infinite), and the limits are applied to commands after it, exactly. What it can move a torque by, at the stiffest gains of
 //! the Vision 60, is half a step of each: 1.9e-6 · 300 + 1.2e-4 · 5 + 1e-3 = 2.2e-3 N m, a tenth of what a frame rounds by.
 
-use crate::{JointCommand, JointState, Tilt};
+use crate::{InertialState, JointCommand, JointState};
 
 /// Steps of position in 1 rad: 2^18.
 const PER_RAD: f64 = 262_144.0;
@@ -80,10 +80,15 @@ impl JointState {
     }
 }
 
-impl Tilt {
-    /// The attitude as the controller takes it.
+impl InertialState {
+    /// The state as the controller takes it.
     pub fn to_resolution(self) -> Self {
-        Self { roll_rad: position_rad(self.roll_rad), pitch_rad: position_rad(self.pitch_rad) }
+        Self {
+            attitude_xyzw: self.attitude_xyzw.map(|q| q.map(quaternion)),
+            angular_velocity_rad_s: self.angular_velocity_rad_s.map(|v| v.map(velocity_rad_s)),
+            acceleration_m_s2: self.acceleration_m_s2.map(|a| a.map(acceleration_m_s2)),
+            ..self
+        }
     }
 }
 

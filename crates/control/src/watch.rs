@@ -1,7 +1,7 @@
 //! Watching: what is measured is checked before it is believed, and held against what was commanded.
 
 use crate::motion::Expected;
-use crate::{Config, Fault, FaultReport, JOINTS, JointState, Mode, Refusal, STILL_RAD, Severity, Tilt};
+use crate::{Config, Fault, FaultReport, InertialState, JOINTS, JointState, Mode, Refusal, STILL_RAD, Severity};
 use std::time::Duration;
 
 /// An encoder jumps if it moves more than this beyond what the velocity limit allows, rad.
@@ -294,11 +294,14 @@ fn watch_drive(config: &Config, state: &JointState, joint: usize, found: &mut Fo
     }
 }
 
-/// What the base's attitude says.
-pub(crate) fn watch_tilt(config: &Config, mode: Mode, tilt: Option<Tilt>, found: &mut Found) {
-    let Some(tilt) = tilt.filter(|_| mode.drives_on()) else { return };
+/// What the inertial unit says.
+pub(crate) fn watch_inertial(config: &Config, mode: Mode, inertial: Option<&InertialState>, found: &mut Found) {
+    let Some(state) = inertial.filter(|_| mode.drives_on()) else { return };
     let limit = config.tilt_limit_rad;
-    for value in [tilt.roll_rad, tilt.pitch_rad] {
+    if let Some(bad) = state.not_finite() {
+        found.add(Fault::InvalidInput, None, bad, limit);
+    }
+    for value in state.tilt().into_iter().flat_map(|tilt| [tilt.roll_rad, tilt.pitch_rad]) {
         if !value.is_finite() {
             found.add(Fault::InvalidInput, None, value, limit);
         } else if value.abs() > limit {

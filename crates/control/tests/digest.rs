@@ -150,7 +150,7 @@ fn live(seed: u64, digest: &mut Digest) {
         }
         let input = Input {
             joints: (!day.missing).then_some(&state),
-            tilt: day.roll_rad.map(|roll_rad| Tilt { roll_rad, pitch_rad: 0.0 }),
+            inertial: day.roll_rad.map(rolled),
             requests: &day.requests,
             gait: day.gait.map(|n| &day.gaits[n]),
             emergency_stop: b.emergency_stop,

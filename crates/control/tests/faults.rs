@@ -194,10 +194,22 @@ fn tilt_and_a_spoiled_tilt_are_faults_in_the_same_cycle() {
         [(0.9, 0.0, Fault::Tilt), (0.0, -0.81, Fault::Tilt), (f64::NAN, 0.0, Fault::InvalidInput)]
     {
         let mut b = Bench::walking(config());
-        let (cycles, output) =
-            cycles_to_safe(&mut b, 2, |_, _, input, _| input.tilt = Some(Tilt { roll_rad, pitch_rad }));
+        let (cycles, output) = cycles_to_safe(&mut b, 2, |_, _, input, now| {
+            input.inertial = Some(InertialState::tilted(Tilt { roll_rad, pitch_rad }, *now))
+        });
         assert_eq!(cycles, 1);
         assert_fault(&output, fault, None);
+    }
+    let level = rolled(0.0);
+    for spoiled in [
+        InertialState { attitude_xyzw: Some([0.0; 4]), ..level },
+        InertialState { angular_velocity_rad_s: Some([0.0, f64::NAN, 0.0]), ..level },
+        InertialState { acceleration_m_s2: Some([0.0, 0.0, f64::INFINITY]), ..level },
+    ] {
+        let mut b = Bench::walking(config());
+        let (cycles, output) = cycles_to_safe(&mut b, 2, |_, _, input, _| input.inertial = Some(spoiled));
+        assert_eq!(cycles, 1);
+        assert_fault(&output, Fault::InvalidInput, None);
     }
     // Each of them.
     measured("tilt_and_a_spoiled_tilt_are_faults_in_the_same_cycle", 1);
@@ -308,7 +320,7 @@ fn faults_latch_until_they_are_cleared_by_their_names() {
     let mut b = Bench::walking(config());
     let (_, output) = cycles_to_safe(&mut b, 2, |_, state, input, _| {
         state.drive_error[1] = 9;
-        input.tilt = Some(Tilt { roll_rad: 1.0, pitch_rad: 0.0 });
+        input.inertial = Some(rolled(1.0));
     });
     assert!(output.faults.contains(Fault::DriveError) && output.faults.contains(Fault::Tilt));
     assert_eq!(b.run(500).mode, Mode::Fault);

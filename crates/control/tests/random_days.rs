@@ -66,7 +66,7 @@ fn a_hundred_thousand_random_events_break_nothing() {
             let mut requests = [Request::Stop; 2];
             let mut count = 0;
             let mut gait = None;
-            let mut tilt = None;
+            let mut inertial = None;
             let mut state = b.state();
             let mut present = true;
             if random.one_in(if calm { 400 } else { 40 }) {
@@ -88,7 +88,7 @@ fn a_hundred_thousand_random_events_break_nothing() {
                     12 => state.position_rad[(random.next() % 12) as usize] = f64::NAN,
                     13 => state.velocity_rad_s[(random.next() % 12) as usize] = 200.0 * (random.share() - 0.5),
                     14 => state.position_rad[(random.next() % 12) as usize] += random.share() - 0.5,
-                    15 => tilt = Some(Tilt { roll_rad: 2.0 * random.share(), pitch_rad: 0.0 }),
+                    15 => inertial = Some(rolled(2.0 * random.share())),
                     16 => b.now += Duration::from_millis(random.next() % 100),
                     17 => state.drive_error[3] = random.next() as u8,
                     18 => b.emergency_stop = !b.emergency_stop,
@@ -102,7 +102,7 @@ fn a_hundred_thousand_random_events_break_nothing() {
             }
             let input = Input {
                 joints: present.then_some(&state),
-                tilt,
+                inertial,
                 requests: &requests[..count],
                 gait,
                 emergency_stop: b.emergency_stop,

@@ -3,9 +3,10 @@
 use std::path::Path;
 use std::time::Duration;
 
-use bag::{Bag, from_cdr};
+use bag::Bag;
 use tandem_msgs::ControlCycle;
 
+use crate::cycle::control_cycle;
 use crate::{ReplayError, names};
 
 /// The cycles of a recording, looked at one after the other: what is missing between them, and the longest hole. A hole with missing
@@ -57,7 +58,7 @@ pub fn continuity(bag: &Bag) -> Result<Option<Continuity>, ReplayError> {
     for message in bag.messages()? {
         let message = message?;
         if message.topic == cycles {
-            let cycle: ControlCycle = from_cdr(&topic.type_name, &message.data)?;
+            let cycle = control_cycle(topic, &message.data)?;
             let now = cycle_time(&cycle).map_err(|problem| ReplayError::BadMessage {
                 path: Path::new(bag.path()).to_owned(),
                 topic: topic.name.clone(),

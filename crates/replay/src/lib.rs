@@ -23,6 +23,7 @@
 //! - A bag that lacks a cycle is never called verified.
 
 mod continuity;
+mod cycle;
 mod error;
 mod names;
 mod read;

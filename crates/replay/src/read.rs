@@ -5,13 +5,14 @@ use std::path::{Path, PathBuf};
 use bag::{Bag, BagTopic, from_cdr};
 use gait::{Gait, JOINTS, LEGS};
 use report::Sample;
+use tandem_msgs::ControllerState;
 use tandem_msgs::geometry_msgs::WrenchStamped;
 use tandem_msgs::nav_msgs::Odometry;
 use tandem_msgs::sensor_msgs::JointState;
-use tandem_msgs::{ControlCycle, ControllerState};
 
 use crate::ReplayError;
 use crate::continuity::{Continuity, cycle_time};
+use crate::cycle::control_cycle;
 use crate::names;
 
 /// The legs' names in the topics of ground forces, in the project's order.
@@ -104,7 +105,7 @@ impl Found {
         } else if is(names::ODOM, "nav_msgs/msg/Odometry") {
             self.body.push((time_s, from_cdr(&topic.type_name, data).map_err(text)?));
         } else if is(names::CONTROL_CYCLE, "tandem_msgs/msg/ControlCycle") {
-            let cycle: ControlCycle = from_cdr(&topic.type_name, data).map_err(text)?;
+            let cycle = control_cycle(topic, data).map_err(text)?;
             let now = cycle_time(&cycle)?;
             self.cycle_times_s.push(now.as_secs_f64());
             let (hole, missing) = self.continuity.cycle(now, cycle.index);

@@ -4,7 +4,7 @@ use std::path::Path;
 use std::time::Duration;
 
 use bag::{Qos, Recorder, RecorderOptions, RecorderStatus, Summary, Topic};
-use control::{Config, Input, JOINTS, Mode, Output, Snapshot, resolution};
+use control::{Config, InertialState, Input, JOINTS, Mode, Output, Snapshot, resolution};
 use gait::{Gait, LEGS};
 use tandem_msgs::builtin_interfaces::Time;
 use tandem_msgs::geometry_msgs::{Point, Quaternion, Vector3, WrenchStamped};
@@ -66,6 +66,8 @@ pub struct RunRecorder {
     odom: Topic,
     ground_force: [Topic; LEGS],
     last_state: Option<Duration>,
+    /// What the cycle recorded last saw of the inertial unit.
+    last_inertial: Option<InertialState>,
     last_written_state: Option<(Duration, Mode)>,
     gaits: u32,
     gait_name: String,
@@ -101,6 +103,7 @@ impl RunRecorder {
             odom: recorder.topic_of::<Odometry>(&full(names::ODOM), Qos::sensor(1))?,
             ground_force: [force(a)?, force(b)?, force(c)?, force(d)?],
             last_state: None,
+            last_inertial: None,
             last_written_state: None,
             gaits: 0,
             gait_name: String::new(),
@@ -245,10 +248,7 @@ impl RunRecorder {
             state_temperature_c: state
                 .and_then(|state| state.temperature_c)
                 .map_or(Vec::new(), |values| values.to_vec()),
-            state_drive_error: state
-                .filter(|state| state.drive_error != [0; JOINTS])
-                .map_or(Vec::new(), |state| state.drive_error.to_vec()),
-            tilt_rad: input.tilt.map_or(Vec::new(), |tilt| vec![tilt.roll_rad, tilt.pitch_rad]),
+            state_drive_error: state.map_or(Vec::new(), drive_errors),
             requests: input.requests.iter().map(request_word).collect(),
             emergency_stop: input.emergency_stop,
             gait: if input.gait.is_some() { self.gaits } else { 0 },
@@ -257,8 +257,11 @@ impl RunRecorder {
             fault_value: input.fault.map_or(0.0, |report| report.value),
             fault_limit: input.fault.map_or(0.0, |report| report.limit),
             mode: output.mode.name().into(),
+            ..inertial_part(input.inertial.as_ref(), self.last_inertial.as_ref(), age_ns)
         };
         taken &= self.recorder.push_message(&self.control_cycle, stamp_ns, &message)?;
+        // What was not taken cannot be held.
+        self.last_inertial = input.inertial.filter(|_| taken);
         let due = self
             .last_written_state
             .is_none_or(|(time, mode)| mode != output.mode || now.saturating_sub(time) >= STATE_PERIOD);
@@ -327,7 +330,38 @@ impl RunRecorder {
     }
 }
 
+/// None where there is no error.
+fn drive_errors(state: &control::JointState) -> Vec<u8> {
+    if state.drive_error == [0; JOINTS] { Vec::new() } else { state.drive_error.to_vec() }
+}
+
 /// Lossless up to 68 years.
 fn time_message(time: Duration) -> Time {
     Time { sec: i32::try_from(time.as_secs()).unwrap_or(i32::MAX), nanosec: time.subsec_nanos() }
+}
+
+/// What a cycle says of the inertial unit after one that saw `last`; `age_ns` gives the age of a time at the cycle.
+fn inertial_part(
+    unit: Option<&InertialState>,
+    last: Option<&InertialState>,
+    age_ns: impl Fn(Duration) -> i64,
+) -> ControlCycle {
+    let Some(unit) = unit else { return ControlCycle::default() };
+    if last.is_some_and(|last| bits(last) == bits(unit)) {
+        return ControlCycle { inertial_held: true, ..ControlCycle::default() };
+    }
+    ControlCycle {
+        inertial_age_ns: vec![age_ns(unit.stamp), age_ns(unit.arrived)],
+        inertial_attitude: unit.attitude_xyzw.map_or(Vec::new(), Vec::from),
+        inertial_angular_velocity: unit.angular_velocity_rad_s.map_or(Vec::new(), Vec::from),
+        inertial_acceleration: unit.acceleration_m_s2.map_or(Vec::new(), Vec::from),
+        ..ControlCycle::default()
+    }
+}
+
+/// To the bit: −0 is not 0, and NaN is itself.
+fn bits(unit: &InertialState) -> impl PartialEq + use<> {
+    let vector = |value: Option<[f64; 3]>| value.map(|value| value.map(f64::to_bits));
+    let attitude = unit.attitude_xyzw.map(|value| value.map(f64::to_bits));
+    (unit.stamp, unit.arrived, attitude, vector(unit.angular_velocity_rad_s), vector(unit.acceleration_m_s2))
 }

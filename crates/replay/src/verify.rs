@@ -5,13 +5,14 @@ use std::time::Duration;
 
 use bag::{Bag, from_cdr};
 use control::{
-    Config, Controller, Fault, FaultReport, Input, JOINTS, PreparedGait, Request, Snapshot, SnapshotVersion1, Tilt,
+    Config, Controller, Fault, FaultReport, Input, JOINTS, PreparedGait, Request, Snapshot, SnapshotVersion1,
 };
 use gait::Gait;
 use tandem_msgs::sensor_msgs::JointState;
 use tandem_msgs::{ControlCycle, JointCommand};
 
 use crate::ReplayError;
+use crate::cycle::{before, control_cycle, inertial_state};
 use crate::names::{self, request_of};
 
 /// A command that came out differently.
@@ -102,7 +103,7 @@ pub fn verify(path: impl AsRef<Path>) -> Result<Verification, ReplayError> {
         } else if message.topic == command_topic {
             player.commands.push(from_cdr(&topic.type_name, data)?);
         } else if message.topic == cycles_topic {
-            let cycle: ControlCycle = from_cdr(&topic.type_name, data)?;
+            let cycle = control_cycle(topic, data)?;
             let difference = player.cycle(&cycle, time_s).map_err(bad)?;
             result.cycles += 1;
             result.duration_s = (message.stamp_ns - *first_ns.get_or_insert(message.stamp_ns)) as f64 * 1e-9;
@@ -121,6 +122,8 @@ struct Player {
     gaits: Vec<Gait>,
     state: Option<JointState>,
     commands: Vec<JointCommand>,
+    /// What the last cycle saw of the inertial unit.
+    inertial: Option<control::InertialState>,
     last_index: u64,
     /// A cycle was run, or the recording says where it began.
     begun: bool,
@@ -186,11 +189,7 @@ impl Player {
                 Some(PreparedGait::new(gait, config).map_err(|error| error.to_string())?)
             }
         };
-        let tilt = match cycle.tilt_rad.as_slice() {
-            [] => None,
-            [roll_rad, pitch_rad] => Some(Tilt { roll_rad: *roll_rad, pitch_rad: *pitch_rad }),
-            other => return Err(format!("tilt_rad has {} entries; expected 0 or 2", other.len())),
-        };
+        self.inertial = inertial_state(cycle, self.inertial)?;
         let fault = if cycle.fault.is_empty() {
             None
         } else {
@@ -201,7 +200,7 @@ impl Player {
         };
         let input = Input {
             joints: joints.as_ref(),
-            tilt,
+            inertial: self.inertial,
             requests: &requests,
             gait: gait.as_ref(),
             emergency_stop: cycle.emergency_stop,
@@ -265,10 +264,7 @@ fn exact(value: f64) -> String {
 }
 
 fn joint_state(cycle: &ControlCycle, state: &JointState) -> Result<control::JointState, String> {
-    let now_ns = i128::from(cycle.header.stamp.sec) * 1_000_000_000 + i128::from(cycle.header.stamp.nanosec);
-    let before = |age_ns: i64| {
-        u64::try_from(now_ns - i128::from(age_ns)).map(Duration::from_nanos).map_err(|_| "a time before zero")
-    };
+    let before = |age_ns| before(cycle, age_ns);
     let stamp = &state.header.stamp;
     let stamp =
         Duration::new(u64::try_from(stamp.sec).map_err(|_| "a joint state with a negative time")?, stamp.nanosec);
@@ -306,6 +302,6 @@ fn joint_state(cycle: &ControlCycle, state: &JointState) -> Result<control::Join
     })
 }
 
-fn array<T: Copy>(name: &str, values: &[T]) -> Result<[T; JOINTS], String> {
-    values.try_into().map_err(|_| format!("{name} has {} entries; expected {JOINTS}", values.len()))
+fn array<T: Copy, const N: usize>(name: &str, values: &[T]) -> Result<[T; N], String> {
+    values.try_into().map_err(|_| format!("{name} has {} entries; expected {N}", values.len()))
 }

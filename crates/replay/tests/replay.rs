@@ -4,7 +4,7 @@ use std::path::Path;
 use std::time::{Duration, Instant};
 
 use bag::{Bag, Qos, Recorder, RecorderOptions, from_cdr, to_cdr};
-use control::{Config, Controller, Input, JointState, PreparedGait, Request, Tilt};
+use control::{Config, Controller, InertialState, Input, JointState, PreparedGait, Request, Tilt};
 use gait::{Gait, InitialState, Mirror, SolverSummary};
 use replay::{BodySample, ReplayError, RunInfo, RunRecorder, read_run, verify};
 use robot::Robot;
@@ -92,7 +92,7 @@ fn record_from(folder: &Path, seconds: u64, first: u64) -> u64 {
         temperature_c: None,
         drive_error: [0; 12],
     };
-    let mut modes = Vec::new();
+    let (mut held, mut modes) = (None, Vec::new());
     for cycle in 1..=seconds * 1000 {
         let jitter_ns = (random() * 40_000.0) as i64 + 20_000;
         let now = Duration::from_millis(cycle) + Duration::from_nanos(jitter_ns as u64);
@@ -111,8 +111,8 @@ fn record_from(folder: &Path, seconds: u64, first: u64) -> u64 {
         if loaded.is_some() {
             run.iter_mut().for_each(|run: &mut RunRecorder| assert!(run.gait(&gait).unwrap()));
         }
-        let tilt = Some(Tilt { roll_rad: 0.01 * random(), pitch_rad: 0.01 * random() });
-        let input = Input { joints: Some(&state), tilt, requests, gait: loaded, ..Input::default() };
+        let inertial = inertial(cycle, now, &mut held, &mut random);
+        let input = Input { joints: Some(&state), inertial, requests, gait: loaded, ..Input::default() };
         if cycle == first {
             let mut started = start();
             if first > 5 {
@@ -155,6 +155,31 @@ fn record_from(folder: &Path, seconds: u64, first: u64) -> u64 {
     let summary = run.finish().unwrap();
     assert_eq!(summary.dropped(), 0);
     summary.bytes
+}
+
+/// A unit at a fifth of the cycles' rate, silent for a while.
+fn inertial(
+    cycle: u64,
+    now: Duration,
+    held: &mut Option<InertialState>,
+    random: &mut impl FnMut() -> f64,
+) -> Option<InertialState> {
+    if held.is_none() || cycle.is_multiple_of(5) {
+        *held = Some(inertial_message(cycle, now, random));
+    }
+    held.filter(|_| !(300..340).contains(&cycle))
+}
+
+/// Every third message is of a unit that measures no acceleration.
+fn inertial_message(cycle: u64, now: Duration, random: &mut impl FnMut() -> f64) -> InertialState {
+    let tilt = Tilt { roll_rad: 0.01 * random(), pitch_rad: 0.01 * random() };
+    InertialState {
+        stamp: now + Duration::from_secs(1_700_000_000),
+        angular_velocity_rad_s: Some([0.01 * random(), 0.0, 0.0]),
+        acceleration_m_s2: (!cycle.is_multiple_of(3)).then_some([0.0, 0.1 * random(), 9.81]),
+        ..InertialState::tilted(tilt, now)
+    }
+    .to_resolution()
 }
 
 fn follow(state: &mut JointState, output: &control::Output, random: &mut impl FnMut() -> f64) {

@@ -4,7 +4,8 @@ use crate::dds_bus::DdsBus;
 use crate::emergency_stop::EmergencyStop;
 use crate::tape::Tape;
 use control::{
-    Controller, FaultReport, GaitName, Input, JOINTS, JointState, MAX_REQUESTS, Output, PreparedGait, Request, Tilt,
+    Controller, FaultReport, GaitName, InertialState, Input, JOINTS, JointState, MAX_REQUESTS, Output, PreparedGait,
+    Request,
 };
 use joint_bus::{BusHealth, JointBus, Readings};
 use realtime::{Histogram, Periodic, RealtimeRequest, Warning, monotonic_now};
@@ -15,11 +16,11 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::thread::Thread;
 use std::time::Duration;
 
-/// An attitude and when it came in, on the monotonic clock.
+/// What the inertial unit said and when it came in, on the monotonic clock.
 #[derive(Clone, Copy, Debug)]
-pub struct TimedTilt {
-    /// The attitude.
-    pub tilt: Tilt,
+pub struct TimedInertial {
+    /// What it said; the cycle says on its own clock when it came in.
+    pub state: InertialState,
     /// When it came in.
     pub wall: Duration,
 }
@@ -65,8 +66,8 @@ pub struct Timing {
     pub recent_compute: [Duration; 3],
 }
 
-/// An attitude older than this says nothing about now.
-const TILT_MEMORY: Duration = Duration::from_millis(200);
+/// An inertial state older than this says nothing about now.
+const INERTIAL_MEMORY: Duration = Duration::from_millis(200);
 /// Cycles between two reports on timing.
 const TIMING_EVERY: u64 = 1000;
 /// Lockstep looks at the end of the program this often.
@@ -111,8 +112,8 @@ impl Middleware {
 pub struct Cycle {
     /// The controller.
     pub controller: Controller,
-    /// Attitudes in.
-    pub tilts: Consumer<TimedTilt>,
+    /// What the inertial unit says, in.
+    pub inertial: Consumer<TimedInertial>,
     /// Requests in.
     pub asked: Consumer<Asked>,
     /// Gaits in, numbered from 1.
@@ -156,14 +157,19 @@ impl Cycle {
             (requests[count], ids[count]) = (asked.request, asked.id);
             count += 1;
         }
-        while let Ok(newer) = self.tilts.pop() {
-            memory.tilt = Some(newer);
+        while let Ok(newer) = self.inertial.pop() {
+            // The cycle that takes it is when it came in: on the cycle's own clock, whichever that is.
+            let state = InertialState { arrived: now, ..newer.state };
+            memory.inertial = Some(TimedInertial { state, ..newer });
         }
-        let tilt = memory.tilt.filter(|t| wall.saturating_sub(t.wall) < TILT_MEMORY).map(|t| t.tilt.to_resolution());
+        let inertial = memory
+            .inertial
+            .filter(|unit| wall.saturating_sub(unit.wall) < INERTIAL_MEMORY)
+            .map(|unit| unit.state.to_resolution());
         let state = state.map(|state| state.to_resolution());
         let input = Input {
             joints: state.as_ref(),
-            tilt,
+            inertial,
             requests: &requests[..count],
             gait: gait.as_ref(),
             // Each is asked: a press that one cycle has seen is not kept for the next.
@@ -292,7 +298,7 @@ struct Measured<'a> {
 /// What the loop remembers besides the controller.
 #[derive(Default)]
 struct Memory {
-    tilt: Option<TimedTilt>,
+    inertial: Option<TimedInertial>,
     latency: Durations,
     compute: Durations,
     missed_cycles: u64,

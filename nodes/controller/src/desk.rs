@@ -1,6 +1,6 @@
 //! Callbacks and services: turn messages into values, refuse what is wrong with them, put the rest into the cycle's buffers.
 
-use crate::cycle::{Asked, TimedTilt};
+use crate::cycle::{Asked, TimedInertial};
 use crate::dds_bus::{self, StateMessage};
 use crate::emergency_stop::{EmergencyStop, PUBLISHERS};
 use crate::inputs::{InputProblems, Topic};
@@ -51,8 +51,8 @@ pub struct Sensors {
     pub states: Option<Producer<StateMessage>>,
     /// The joints' names on topics.
     pub joint_names: [String; JOINTS],
-    /// Attitudes to the cycle.
-    pub tilts: Producer<TimedTilt>,
+    /// What the inertial unit says, to the cycle.
+    pub inertial: Producer<TimedInertial>,
     /// In lockstep: the cycle's thread, to be woken by a state.
     pub wake: Option<Thread>,
 }
@@ -221,7 +221,7 @@ impl Desk {
             )?;
         }
         let recording = Arc::clone(&self.recording);
-        // What the controller takes from it, the tilt, is recorded with every cycle.
+        // What the controller takes from it is recorded with every cycle.
         let mut thinning = tape::Thinning::new(2 * tape::THINNED_NS);
         let problems = Arc::clone(&self.problems);
         node.subscribe("imu", Qos::best_effort(1), move |message: sensor_msgs::Imu| {
@@ -229,20 +229,13 @@ impl Desk {
                 recording.other(tape::IMU, None, &message);
             }
             let wall = monotonic_now();
-            let tilt = match ports::tilt(&message) {
-                Ok(tilt) => {
-                    problems.is_fine(Topic::Imu);
-                    tilt
-                }
-                Err(problem) => {
-                    problems.note(Topic::Imu, problem, wall);
-                    Some(ports::NO_TILT)
-                }
-            };
-            if let Some(tilt) = tilt {
-                // A full buffer: the cycle takes the newest of what is there, or has ended.
-                let _ = sensors.tilts.push(TimedTilt { tilt, wall });
+            let (state, problem) = ports::inertial_state(&message);
+            match problem {
+                None => problems.is_fine(Topic::Imu),
+                Some(problem) => problems.note(Topic::Imu, problem, wall),
             }
+            // A full buffer: the cycle takes the newest of what is there, or has ended.
+            let _ = sensors.inertial.push(TimedInertial { state, wall });
         })?;
         let desk = Arc::clone(self);
         node.subscribe("gait", Qos::latched(), move |message: tandem_msgs::Gait| {

@@ -1,7 +1,7 @@
 //! Messages to and from the controller's own types: the one place where the two meet. (Gaits: [`tandem_msgs::Gait::to_gait`].)
 
 use crate::dds_bus::{CommandMessage, StateMessage};
-use control::{JOINTS, Output, Tilt};
+use control::{InertialState, JOINTS, Output};
 use std::time::Duration;
 use tandem_msgs::builtin_interfaces::Time;
 use tandem_msgs::std_msgs::Header;
@@ -66,36 +66,42 @@ fn time(stamp: Duration) -> Time {
     Time::from_nanoseconds(i64::try_from(stamp.as_nanos()).unwrap_or(i64::MAX))
 }
 
-/// How far a quaternion's length may be from 1 for the rounding of whoever sends it.
-const QUATERNION_TOLERANCE: f64 = 0.02;
+/// All that an inertial unit says; `arrived` is for the cycle to say. What it does not measure (covariance −1) is none. What
+/// cannot be goes through: the controller has a fault for it. Besides, what is wrong with the message, if something is.
+pub fn inertial_state(message: &sensor_msgs::Imu) -> (InertialState, Option<String>) {
+    let (q, v, a) = (message.orientation, &message.angular_velocity, &message.linear_acceleration);
+    // A covariance that is no number says nothing, the measurement least of all that there is none.
+    let measured = |covariance: &[f64; 9]| covariance[0] >= 0.0 || covariance[0].is_nan();
+    let stamp = stamp(message.header.stamp);
+    let state = InertialState {
+        stamp: stamp.clone().unwrap_or_default(),
+        arrived: Duration::ZERO,
+        attitude_xyzw: measured(&message.orientation_covariance).then_some([q.x, q.y, q.z, q.w]),
+        angular_velocity_rad_s: measured(&message.angular_velocity_covariance).then_some([v.x, v.y, v.z]),
+        acceleration_m_s2: measured(&message.linear_acceleration_covariance).then_some([a.x, a.y, a.z]),
+    };
+    let problem = inertial_problem(&state).or(stamp.err());
+    (state, problem)
+}
 
-/// An attitude that cannot be: the controller has a fault for it.
-pub const NO_TILT: Tilt = Tilt { roll_rad: f64::NAN, pitch_rad: f64::NAN };
-
-/// Roll and pitch of the base, R = Rz(yaw) Ry(pitch) Rx(roll). An inertial unit without orientation (covariance −1) gives none.
-///
-/// # Errors
-/// The orientation is no rotation: its quaternion's length is not 1 (0 0 0 0 included), or not a number.
-pub fn tilt(message: &sensor_msgs::Imu) -> Result<Option<Tilt>, String> {
-    if message.orientation_covariance[0] < 0.0 {
-        return Ok(None);
+fn inertial_problem(state: &InertialState) -> Option<String> {
+    if let Some([x, y, z, w]) = state.attitude_xyzw {
+        let length = (x * x + y * y + z * z + w * w).sqrt();
+        if !control::is_unit_length(length) {
+            return Some(format!(
+                "the orientation (x {x}, y {y}, z {z}, w {w}) has the length {length}: expected 1; an inertial unit \
+                 without orientation says so by orientation_covariance[0] = -1"
+            ));
+        }
     }
-    let mut q = message.orientation;
-    let length = (q.x * q.x + q.y * q.y + q.z * q.z + q.w * q.w).sqrt();
-    if !length.is_finite() || (length - 1.0).abs() > QUATERNION_TOLERANCE {
-        return Err(format!(
-            "the orientation (x {}, y {}, z {}, w {}) has the length {length}: expected 1; an inertial unit without orientation \
-             says so by orientation_covariance[0] = -1",
-            q.x, q.y, q.z, q.w
-        ));
-    }
-    for component in [&mut q.x, &mut q.y, &mut q.z, &mut q.w] {
-        *component /= length;
-    }
-    Ok(Some(Tilt {
-        roll_rad: (2.0 * (q.w * q.x + q.y * q.z)).atan2(1.0 - 2.0 * (q.x * q.x + q.y * q.y)),
-        pitch_rad: (2.0 * (q.w * q.y - q.z * q.x)).clamp(-1.0, 1.0).asin(),
-    }))
+    let rates = [("angular_velocity", state.angular_velocity_rad_s), ("linear_acceleration", state.acceleration_m_s2)];
+    rates.into_iter().find_map(|(field, value)| {
+        let [x, y, z] = value.filter(|value| value.iter().any(|value| !value.is_finite()))?;
+        Some(format!(
+            "{field} (x {x}, y {y}, z {z}) is no number: an inertial unit that does not measure it says so by \
+             {field}_covariance[0] = -1"
+        ))
+    })
 }
 
 /// The command that answers the joint state of its stamp.
@@ -153,7 +159,7 @@ pub fn controller_state(output: &Output, gait: Option<&str>, missed_cycles: u64)
 #[cfg(test)]
 mod tests {
     use super::*;
-    use tandem_msgs::geometry_msgs::Quaternion;
+    use tandem_msgs::geometry_msgs::{Quaternion, Vector3};
 
     fn names() -> [String; JOINTS] {
         std::array::from_fn(|j| format!("joint_{j}"))
@@ -189,35 +195,49 @@ mod tests {
     }
 
     #[test]
-    fn tilt_is_roll_and_pitch() {
-        let (roll, pitch, yaw) = (0.3_f64, -0.2_f64, 1.1_f64);
-        let [(sr, cr), (sp, cp), (sy, cy)] = [roll, pitch, yaw].map(|a| (a / 2.0).sin_cos());
+    fn an_inertial_unit_is_taken_whole_and_what_it_does_not_measure_is_none() {
         let mut imu = sensor_msgs::Imu {
-            orientation: Quaternion {
-                w: cr * cp * cy + sr * sp * sy,
-                x: sr * cp * cy - cr * sp * sy,
-                y: cr * sp * cy + sr * cp * sy,
-                z: cr * cp * sy - sr * sp * cy,
-            },
+            orientation: Quaternion { x: 0.0, y: 0.6, z: 0.0, w: 0.8 },
+            angular_velocity: Vector3 { x: 0.1, y: -0.2, z: 0.3 },
+            linear_acceleration: Vector3 { x: 1.0, y: 2.0, z: 9.0 },
             ..Default::default()
         };
-        // Rounded to single precision and a little more: taken as the rotation that it nearly is.
-        for scale in [1.0, 1.0 - 1e-3] {
-            let q = &mut imu.orientation;
-            (q.x, q.y, q.z, q.w) = (scale * q.x, scale * q.y, scale * q.z, scale * q.w);
-            let found = tilt(&imu).unwrap().unwrap();
-            assert!((found.roll_rad - roll).abs() < 1e-12 && (found.pitch_rad - pitch).abs() < 1e-12);
+        imu.header.stamp = Time::from_nanoseconds(3_000_000_005);
+        let (state, problem) = inertial_state(&imu);
+        assert_eq!(problem, None);
+        assert_eq!(state.stamp, Duration::new(3, 5));
+        assert_eq!(state.attitude_xyzw, Some([0.0, 0.6, 0.0, 0.8]));
+        assert_eq!(state.angular_velocity_rad_s, Some([0.1, -0.2, 0.3]));
+        assert_eq!(state.acceleration_m_s2, Some([1.0, 2.0, 9.0]));
+        for covariance in [
+            &mut imu.orientation_covariance,
+            &mut imu.angular_velocity_covariance,
+            &mut imu.linear_acceleration_covariance,
+        ] {
+            covariance[0] = -1.0;
         }
-        imu.orientation_covariance[0] = -1.0;
-        assert_eq!(tilt(&imu), Ok(None));
+        imu.orientation.w = f64::NAN;
+        let (state, problem) = inertial_state(&imu);
+        let nothing = (state.attitude_xyzw, state.angular_velocity_rad_s, state.acceleration_m_s2);
+        assert_eq!((nothing, problem), ((None, None, None), None));
     }
 
     #[test]
-    fn an_orientation_that_is_no_unit_quaternion_is_refused_and_not_read_as_level() {
-        let of = |x, w| sensor_msgs::Imu { orientation: Quaternion { x, y: 0.0, z: 0.0, w }, ..Default::default() };
-        assert!(tilt(&of(0.0, 0.0)).unwrap_err().contains("has the length 0: expected 1"));
+    fn an_orientation_that_is_no_unit_quaternion_and_a_rate_that_is_no_number_are_refused_by_what_they_are() {
+        let of = |x, w, rate| {
+            inertial_state(&sensor_msgs::Imu {
+                orientation: Quaternion { x, y: 0.0, z: 0.0, w },
+                angular_velocity: Vector3 { x: 0.0, y: rate, z: 0.0 },
+                ..Default::default()
+            })
+        };
+        let problem = |x, w, rate| of(x, w, rate).1.unwrap();
+        assert!(problem(0.0, 0.0, 0.0).contains("has the length 0: expected 1"));
         // 1.2 rad of roll at length 0.6 would read 0.41 rad.
-        assert!(tilt(&of(0.6 * 0.6_f64.sin(), 0.6 * 0.6_f64.cos())).unwrap_err().contains("has the length 0.6"));
-        assert!(tilt(&of(f64::NAN, 1.0)).unwrap_err().contains("NaN"));
+        assert!(problem(0.6 * 0.6_f64.sin(), 0.6 * 0.6_f64.cos(), 0.0).contains("has the length 0.6"));
+        assert!(problem(f64::NAN, 1.0, 0.0).contains("NaN"));
+        assert!(problem(0.0, 1.0, f64::NAN).contains("angular_velocity (x 0, y NaN, z 0) is no number"));
+        // The controller gets them all the same, and has a fault for them.
+        assert!(of(0.0, 0.0, 0.0).0.tilt().unwrap().roll_rad.is_nan());
     }
 }

@@ -5,7 +5,7 @@
 
 use bag::{RecorderOptions, RecorderStatus};
 use control::{
-    Config, Controller, Input, JOINTS, JointState, MAX_REQUESTS, Output, PreparedGait, Request, Snapshot, Tilt,
+    Config, Controller, InertialState, Input, JOINTS, JointState, MAX_REQUESTS, Output, PreparedGait, Request, Snapshot,
 };
 use gait::{Gait, LEGS};
 use replay::{Continuity, ReplayError, RunInfo, RunRecorder};
@@ -46,7 +46,7 @@ pub struct TapedCycle {
     recording: u64,
     now: Duration,
     joints: Option<JointState>,
-    tilt: Option<Tilt>,
+    inertial: Option<InertialState>,
     requests: [Request; MAX_REQUESTS],
     request_count: usize,
     /// Number of the gait that arrived, as the desk counts them; 0: none did.
@@ -104,7 +104,7 @@ impl Tape {
             recording: self.recording,
             now,
             joints: input.joints.copied(),
-            tilt: input.tilt,
+            inertial: input.inertial,
             requests,
             request_count,
             gait,
@@ -570,7 +570,7 @@ impl Run {
         }
         let input = Input {
             joints: cycle.joints.as_ref(),
-            tilt: cycle.tilt,
+            inertial: cycle.inertial,
             requests: &cycle.requests[..cycle.request_count],
             gait: arrived.map(|(_, prepared)| prepared),
             emergency_stop: cycle.emergency_stop,

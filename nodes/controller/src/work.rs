@@ -134,7 +134,7 @@ impl Work {
 
         let (states_in, states) = RingBuffer::new(DEPTH);
         let (commands_in, commands) = RingBuffer::new(DEPTH);
-        let (tilts_in, tilts) = RingBuffer::new(64);
+        let (inertial_in, inertial) = RingBuffer::new(64);
         let (asked_in, asked) = RingBuffer::new(64);
         let (gaits_in, gaits) = RingBuffer::new(16);
         let (said_in, said) = RingBuffer::new(1024);
@@ -186,7 +186,7 @@ impl Work {
         let press = std::thread::Builder::new().name("press".into()).spawn(move || room.run())?;
         let cycle = Cycle {
             controller,
-            tilts,
+            inertial,
             asked,
             gaits,
             emergency_stop: Arc::clone(&emergency_stop),
@@ -235,7 +235,7 @@ impl Work {
         let running =
             Running { node, desk, emergency_stop, others, recording, stop, cycle_ended, control, press, writer };
         if let Err(error) =
-            running.desk.open(&running.node, Sensors { states, joint_names, tilts: tilts_in, wake }, fast)
+            running.desk.open(&running.node, Sensors { states, joint_names, inertial: inertial_in, wake }, fast)
         {
             return Err(match running.end() {
                 Ok(()) => error.into(),

@@ -180,13 +180,13 @@ fn walk_and_break(bus: &str, how: &str, timeout: Duration) {
     let health = node.stop().health();
     let (mut gaits, gaits_out) = RingBuffer::new(4);
     gaits.push((1, prepared)).map_err(drop).unwrap();
-    let ((_tilts, tilts), (_asked, asked)) = (RingBuffer::new(4), RingBuffer::new(4));
+    let ((_inertial, inertial), (_asked, asked)) = (RingBuffer::new(4), RingBuffer::new(4));
     // Nobody prints: what does not fit is dropped.
     let (said, _said) = RingBuffer::new(4);
     let stop = Arc::new(AtomicBool::new(false));
     let cycle = Cycle {
         controller: Controller::new(config.clone()).unwrap(),
-        tilts,
+        inertial,
         asked,
         gaits: gaits_out,
         emergency_stop: Arc::new(EmergencyStop::new(None)),

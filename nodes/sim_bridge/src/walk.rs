@@ -4,7 +4,7 @@ mod path;
 
 use crate::measure::{Measure, WalkFigures};
 use crate::simulator::{Fall, Posture, Push, RobotState, Simulator, SimulatorError, SimulatorOptions};
-use control::{Config, Controller, DriveMode, Input, JointState, Mode, Output, PreparedGait, Request, Tilt};
+use control::{Config, Controller, DriveMode, InertialState, Input, JointState, Mode, Output, PreparedGait, Request};
 use gait::Gait;
 use joint_bus::{BusConfig, DriveModel};
 use path::Path;
@@ -14,6 +14,8 @@ use std::time::Duration;
 
 /// A robot that was asked to walk and does not after this simulated time never will, s.
 const WALKING_PATIENCE_S: f64 = 30.0;
+/// From one message of the inertial unit to the next, as the simulation bridge sends them.
+const INERTIAL_PERIOD: Duration = Duration::from_millis(5);
 
 /// Where the robot starts.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -248,6 +250,8 @@ struct Course<'a> {
     measure: Measure,
     steps_per_cycle: u32,
     walking_from_s: Option<f64>,
+    /// What the inertial unit said last.
+    inertial: Option<InertialState>,
 }
 
 impl<'a> Course<'a> {
@@ -286,6 +290,7 @@ impl<'a> Course<'a> {
             measure,
             steps_per_cycle,
             walking_from_s,
+            inertial: None,
         })
     }
 
@@ -294,12 +299,22 @@ impl<'a> Course<'a> {
         let now = Duration::from_secs_f64(self.options.period_s) * cycle;
         let state = self.simulator.state();
         let joints = self.path.read(&self.simulator, now).map(JointState::to_resolution);
-        let [roll_rad, pitch_rad, _] = state.roll_pitch_yaw();
+        let is_due = |unit: &InertialState| now.saturating_sub(unit.stamp) >= INERTIAL_PERIOD;
+        if self.inertial.as_ref().is_none_or(is_due) {
+            let unit = InertialState {
+                stamp: now,
+                arrived: now,
+                attitude_xyzw: Some(state.base_quaternion_xyzw),
+                angular_velocity_rad_s: Some(state.base_angular_velocity_body),
+                acceleration_m_s2: Some(state.base_specific_force_body),
+            };
+            self.inertial = Some(unit.to_resolution());
+        }
         let first = cycle == 0;
         let input = Input {
             joints: joints.as_ref(),
             fault: self.path.fault(now),
-            tilt: Some(Tilt { roll_rad, pitch_rad }.to_resolution()),
+            inertial: self.inertial,
             requests: if first { self.requests } else { &[] },
             gait: first.then_some(&self.prepared),
             ..Input::default()

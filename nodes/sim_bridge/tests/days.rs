@@ -1,6 +1,6 @@
 //! Days of the robot in the simulator: up, walk, one gait after another, stop, sit. What an operator may ask ends in no fault.
 
-use control::{Config, Controller, Input, JointState, Mode, Output, PreparedGait, Request, Tilt};
+use control::{Config, Controller, InertialState, Input, JointState, Mode, Output, PreparedGait, Request, Tilt};
 use gait_design::{GaitRequest, PlanOptions};
 use robot::Robot;
 use std::ops::ControlFlow;
@@ -65,8 +65,8 @@ impl Day {
         }
         .to_resolution();
         let [roll_rad, pitch_rad, _] = self.simulator.state().roll_pitch_yaw();
-        let tilt = Some(Tilt { roll_rad, pitch_rad }.to_resolution());
-        let input = Input { joints: Some(&joints), tilt, requests, gait, ..Input::default() };
+        let inertial = Some(InertialState::tilted(Tilt { roll_rad, pitch_rad }, self.now).to_resolution());
+        let input = Input { joints: Some(&joints), inertial, requests, gait, ..Input::default() };
         let output = self.controller.step(&input, self.now);
         assert!(output.faults.is_empty(), "{}, {:?}, {:?}: {:?}", self.title, self.now, output.mode, output.report);
         for reply in output.replies.iter().flatten() {

@@ -2,7 +2,8 @@
 #![allow(dead_code)]
 
 use control::{
-    Config, Controller, DriveMode, Fault, Input, JOINTS, JointState, Mode, Output, Posture, PreparedGait, Request,
+    Config, Controller, DriveMode, Fault, InertialState, Input, JOINTS, JointState, Mode, Output, Posture,
+    PreparedGait, Request, Tilt,
 };
 use gait::{Gait, InitialState, Mirror, SolverSummary, StepSide};
 use std::time::Duration;
@@ -256,6 +257,11 @@ pub fn measured(test: &str, cycles: usize) {
     let cell = row.trim_end_matches('|').rsplit('|').next().unwrap_or_default();
     let told = cell.split(|c: char| !c.is_ascii_digit()).any(|number| number == cycles.to_string());
     assert!(told, "{name} measured {cycles} cycles, docs/safety.md says {cell:?}");
+}
+
+/// What an inertial unit without gyroscope and accelerometer says of a base that rolled so far.
+pub fn rolled(roll_rad: f64) -> InertialState {
+    InertialState::tilted(Tilt { roll_rad, pitch_rad: 0.0 }, Duration::ZERO)
 }
 
 /// A reproducible source of random numbers (xorshift).
