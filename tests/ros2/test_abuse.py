@@ -309,8 +309,8 @@ def test_values_that_cannot_be_are_refused_by_name(robot, client):
     # That somebody else publishes commands at all is a fault of its own.
     wait_until(lambda: "second_controller" in robot.states[-1].fault, 5, lambda: f"{robot.states[-1]}")
     assert robot.mode() == "disarmed"
-    # It says so where others look, and goes on: the same robot stands up and sits down. That the publisher has gone is asked
-    # about before it is believed; until then the fault is back in the next cycle.
+    # It says so where others look, and goes on: the same robot stands up and sits down. That the publisher has gone is
+    # asked about before it is believed; until then the fault is back in the next cycle.
     from tandem_msgs.srv import ClearFault
 
     def clear():

@@ -109,7 +109,7 @@ impl DriveCommand {
 /// Numbers out of a drive's range are sent as the range's end: limits are the controller's task, done before. Every frame to
 /// a drive is answered by it, so that [`DriveRequest::Exit`] also serves to ask a drive at rest for its state.
 pub trait Protocol {
-    /// Whether a drive can be asked where it is without being told anything: whether [`DriveRequest::Query`] has a frame.
+    /// Whether a drive can be asked where it is without an order: whether [`DriveRequest::Query`] has a frame.
     fn has_query(&self) -> bool;
     /// The frame for a drive.
     fn encode_request(&self, id: u8, ranges: &Ranges, request: &DriveRequest) -> Result<Frame, EncodeError>;

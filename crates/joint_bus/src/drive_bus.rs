@@ -1,8 +1,8 @@
 //! What the control cycle sees: twelve joints.
 
 use crate::reply_balance::ReplyBalance;
-use crate::{BusConfig, DriveCommand, DriveRequest, Frame, Incoming, Link, LinkError, Protocol};
-use control::{Fault, FaultReport, JOINTS, JointCommand, JointState};
+use crate::{BusConfig, DriveCommand, DriveRequest, Frame, Incoming, Link, LinkError, Protocol, Readings};
+use control::{Fault, FaultReport, JOINTS, JointCommand};
 use std::time::Duration;
 
 /// Frames taken from one link in one cycle: more than it can bring at 1 Mbit/s in 20 ms.
@@ -24,60 +24,6 @@ const FIRST_ANSWERS: Duration = Duration::from_millis(100);
 const ASKED_TO_ARM: Duration = Duration::from_secs(1);
 /// Behind the opening of a link its old socket's frames may still leave the queue, and the new socket hears them.
 const OWN_ECHO: Duration = Duration::from_millis(100);
-
-/// What was read from the joints so far.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Readings {
-    /// The stamp of the state as a whole, where its source gives one; else the newest joint's arrival stands for it.
-    pub stamp: Option<Duration>,
-    /// rad.
-    pub position_rad: [f64; JOINTS],
-    /// rad/s.
-    pub velocity_rad_s: [f64; JOINTS],
-    /// N m, as the drives report it.
-    pub torque_nm: [f64; JOINTS],
-    /// Whether they do.
-    pub torque_told: bool,
-    /// °C, where the drives report it.
-    pub temperature_c: Option<[f64; JOINTS]>,
-    /// Error codes of the drives, 0 for none.
-    pub drive_error: [u8; JOINTS],
-    /// When each joint was heard last, on the clock of `now`; `None`: never.
-    pub arrived: [Option<Duration>; JOINTS],
-}
-
-impl Default for Readings {
-    fn default() -> Self {
-        Self {
-            stamp: None,
-            position_rad: [0.0; JOINTS],
-            velocity_rad_s: [0.0; JOINTS],
-            torque_nm: [0.0; JOINTS],
-            torque_told: false,
-            temperature_c: None,
-            drive_error: [0; JOINTS],
-            arrived: [None; JOINTS],
-        }
-    }
-}
-
-impl Readings {
-    /// The controller's input, once every joint has been heard.
-    pub fn joint_state(&self) -> Option<JointState> {
-        let mut arrived = [Duration::ZERO; JOINTS];
-        for (to, from) in arrived.iter_mut().zip(self.arrived) {
-            *to = from?;
-        }
-        Some(JointState {
-            stamp: self.stamp.unwrap_or_else(|| arrived.iter().copied().max().unwrap_or_default()),
-            arrived,
-            position_rad: self.position_rad,
-            velocity_rad_s: self.velocity_rad_s,
-            temperature_c: self.temperature_c,
-            drive_error: self.drive_error,
-        })
-    }
-}
 
 /// Counts of one link.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]

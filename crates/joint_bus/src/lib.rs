@@ -43,6 +43,8 @@ mod link;
 #[cfg(feature = "std")]
 pub mod memory;
 #[cfg(feature = "std")]
+mod readings;
+#[cfg(feature = "std")]
 mod reply_balance;
 #[cfg(feature = "std")]
 mod speech;
@@ -54,10 +56,12 @@ pub use config::{BusConfig, BusConfigError, JointWiring, ProtocolName};
 #[cfg(feature = "std")]
 pub use contract::{ContractBench, check_contract};
 #[cfg(feature = "std")]
-pub use drive_bus::{BusHealth, DriveBus, JointBus, LinkHealth, Readings};
+pub use drive_bus::{BusHealth, DriveBus, JointBus, LinkHealth};
 #[cfg(feature = "std")]
 pub use faulty::{Faults, Faulty};
 #[cfg(feature = "std")]
 pub use link::{Incoming, Link, LinkError};
+#[cfg(feature = "std")]
+pub use readings::Readings;
 #[cfg(feature = "std")]
 pub use speech::Speech;

@@ -6,7 +6,7 @@ mod common;
 mod walk;
 
 use common::Bench;
-use control::{Config, Controller, Fault, Input, JOINTS, JointCommand, Mode, Output, PreparedGait, Request};
+use control::{Config, Controller, Fault, Input, JOINTS, Mode, Output, PreparedGait, Request};
 use joint_bus::*;
 use std::time::Duration;
 
@@ -30,10 +30,6 @@ struct Robot {
 
 impl Robot {
     fn new() -> Self {
-        Self::wired(common::bus_config("mit", 1.0))
-    }
-
-    fn wired(bus: BusConfig) -> Self {
         let config = Config {
             overrun_s: 0.01,
             // Flywheels carry nothing: no torque to support.
@@ -42,6 +38,7 @@ impl Robot {
             posture_speed_rad_s: 2.0,
             ..walk::config()
         };
+        let bus = common::bus_config("mit", 1.0);
         bus.check_ranges(&config).unwrap();
         Self {
             bench: Bench::new(Mit::default(), bus, 0.0, 0.0),
@@ -107,10 +104,6 @@ impl Robot {
         self.physics();
         self.last = Some(output);
         output
-    }
-
-    fn prepare_to_arm(&mut self) -> bool {
-        self.bench.bus().prepare_to_arm(&self.readings, self.now)
     }
 
     fn until(&mut self, mode: Mode, cycles: usize) -> usize {
@@ -313,76 +306,6 @@ fn a_disarmed_controller_is_silent_beside_another_master_and_speaks_when_it_is_g
         robot.cycle(&[]);
     }
     assert!(sent(&mut robot) > 0, "the other is gone");
-}
-
-/// The frames that left for the drives so far.
-fn sent<P: Protocol + Copy>(bench: &mut Bench<P>) -> u64 {
-    bench.bus().health().links.iter().map(|link| link.sent).sum()
-}
-
-/// "Rest and say where you are" is an order: it would drop a robot that somebody unheard holds.
-#[test]
-fn a_controller_that_was_never_armed_says_nothing_to_drives_that_know_no_question() {
-    let mut robot = Robot::wired(BusConfig { ask_before_arming: false, ..common::bus_config("mit", 1.0) });
-    for _ in 0..1000 {
-        robot.cycle(&[]);
-    }
-    assert_eq!(sent(&mut robot.bench), 0);
-    let mut waited = 0;
-    while !robot.prepare_to_arm() {
-        robot.cycle(&[]);
-        waited += 1;
-    }
-    assert!((1..=4).contains(&waited), "{waited}");
-    assert_eq!(robot.cycle(&[Request::Arm]).replies[0], Some(Ok(Mode::Damping)));
-    robot.cycle(&[Request::Disarm]);
-    let before = sent(&mut robot.bench);
-    robot.cycle(&[]);
-    assert_eq!(sent(&mut robot.bench), before + 12, "what it has armed it asks");
-}
-
-#[test]
-fn drives_that_do_not_answer_refuse_the_arming_and_are_left_alone_again() {
-    let mut robot = Robot::wired(BusConfig { ask_before_arming: false, ..common::bus_config("mit", 1.0) });
-    robot.cycle(&[]);
-    for n in 0..robot.bench.config.interfaces.len() {
-        robot.bench.faults(n).lose = 1.0;
-    }
-    let mut waited = 0;
-    while !robot.prepare_to_arm() {
-        robot.cycle(&[]);
-        waited += 1;
-    }
-    assert!((90..=110).contains(&waited), "{waited}");
-    assert!(robot.cycle(&[Request::Arm]).replies[0].unwrap().is_err());
-    for _ in 0..1000 {
-        robot.cycle(&[]);
-    }
-    let before = sent(&mut robot.bench);
-    robot.cycle(&[]);
-    assert_eq!(sent(&mut robot.bench), before);
-}
-
-#[test]
-fn register_drives_are_asked_without_an_order_until_someone_arms() {
-    let config = common::bus_config("registers", 1.0);
-    let protocol = Registers { host_id: 0 };
-    let (near, mut far): (Vec<_>, Vec<_>) = (0..4).map(|_| memory::pair()).unzip();
-    let mut bus = DriveBus::new(BusConfig { ask_before_arming: false, ..config.clone() }, protocol, near);
-    for on in [false, true] {
-        bus.write(&JointCommand::LIMP, on, MS);
-        let mut frames = 0;
-        for (n, link) in far.iter_mut().enumerate() {
-            while let Some(Incoming::Frame(frame, _)) = link.receive(MS).unwrap() {
-                let joint = config.joints.iter().find(|j| {
-                    j.interface == n && protocol.decode_request(j.id, &j.ranges, &frame) == Some(DriveRequest::Query)
-                });
-                assert_eq!(joint.is_some(), !on);
-                frames += 1;
-            }
-        }
-        assert_eq!(frames, JOINTS);
-    }
 }
 
 /// A CAN chip drops frames with a wrong checksum; here they come through, as from a drive whose firmware errs.
