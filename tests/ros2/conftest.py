@@ -106,10 +106,14 @@ class Client:
         from rclpy.executors import SingleThreadedExecutor
 
         self.node = rclpy.create_node(name, **arguments)
+        self.build()
         self.executor = SingleThreadedExecutor()
         self.executor.add_node(self.node)
         self.thread = threading.Thread(target=self._spin, daemon=True)
         self.thread.start()
+
+    def build(self):
+        """What the node has from the start."""
 
     def _spin(self):
         from rclpy.executors import ExternalShutdownException
@@ -135,11 +139,39 @@ class Client:
 
     def call(self, client, request, seconds=20):
         future = client.call_async(request)
-        wait_until(future.done, seconds, f"response of {client.srv_name}")
+
+        def answered():
+            assert self.thread.is_alive(), "this client's thread has ended: what ended it is among the warnings"
+            return future.done()
+
+        wait_until(answered, seconds, f"response of {client.srv_name}")
         return future.result()
 
     def close(self):
         self.executor.shutdown(1)
+        self.thread.join(5)
+        self.node.destroy_node()
+
+
+class ActionUser(Client):
+    """A node with one action client. rclpy hands an action client to the executor before it has built it and destroys it under the
+    executor's hands, which ends the executor's thread: here it is built before the thread starts and destroyed after it."""
+
+    def __init__(self, name, type_, action):
+        self.type, self.action = type_, action
+        super().__init__(name)
+        assert self.actions.wait_for_server(40), f"action {action} did not appear"
+        time.sleep(0.1)
+
+    def build(self):
+        from rclpy.action import ActionClient
+
+        self.actions = ActionClient(self.node, self.type, self.action)
+
+    def close(self):
+        self.executor.shutdown(1)
+        self.thread.join(5)
+        self.actions.destroy()
         self.node.destroy_node()
 
 

@@ -6,7 +6,7 @@ import time
 from importlib.metadata import version
 
 import pytest
-from conftest import Client, wait_until
+from conftest import ActionUser, Client, wait_until
 from test_walk import Robot
 
 NODES = ["planner", "controller", "sim_bridge"]
@@ -124,7 +124,6 @@ def test_a_planner_that_cannot_be_configured_stays_unconfigured_and_says_why(cli
 
 
 def test_an_inactive_planner_refuses_and_an_active_one_plans_again(client, processes):
-    from rclpy.action import ActionClient
     from tandem_msgs.action import GenerateGait as Action
     from tandem_msgs.srv import GenerateGait
 
@@ -135,13 +134,11 @@ def test_an_inactive_planner_refuses_and_an_active_one_plans_again(client, proce
     assert managed.change(label="deactivate")
     response = client.call(plan, GenerateGait.Request(behaviour="amble"))
     assert (response.success, response.status) == (False, "inactive") and "change_state" in response.message
-    action = ActionClient(client.node, Action, "/resting/generate_gait")
-    assert action.wait_for_server(20)
-    time.sleep(0.1)
-    goal = action.send_goal_async(Action.Goal(behaviour="amble"))
+    user = ActionUser("goals", Action, "/resting/generate_gait")
+    goal = user.actions.send_goal_async(Action.Goal(behaviour="amble"))
     wait_until(goal.done, 20, "the goal is answered")
     assert not goal.result().accepted
-    action.destroy()
+    user.close()
     # Cleaned up, its endpoints are gone; configured and activated, they are there again.
     assert managed.change(label="cleanup")
     wait_until(lambda: client.node.count_publishers("/resting/gait") == 0, 10, "the topic is gone")

@@ -5,7 +5,7 @@ import threading
 import time
 
 import pytest
-from conftest import Client, wait_until
+from conftest import ActionUser, Client, wait_until
 
 # Out of its range, so that the search for the nearest request follows: the slowest answer there is.
 HOPELESS = {"behaviour": "amble", "speed_m_s": [5.0]}
@@ -20,20 +20,16 @@ def planner(processes, client):
     assert process.stop() == 0, process.text()
 
 
-class Goals:
+class Goals(ActionUser):
     """rclpy's action client, and what it hears."""
 
-    def __init__(self, client, namespace):
-        from rclpy.action import ActionClient
+    def __init__(self, namespace):
         from tandem_msgs.action import GenerateGait
 
-        self.type = GenerateGait
-        self.client = ActionClient(client.node, GenerateGait, f"{namespace}/generate_gait")
-        assert self.client.wait_for_server(40)
-        time.sleep(0.1)
+        super().__init__("goals", GenerateGait, f"{namespace}/generate_gait")
 
     def send(self, feedback=None, **fields):
-        future = self.client.send_goal_async(self.type.Goal(**fields), feedback_callback=feedback)
+        future = self.actions.send_goal_async(self.type.Goal(**fields), feedback_callback=feedback)
         wait_until(future.done, 20, "the goal is answered")
         return future.result()
 
@@ -44,10 +40,10 @@ class Goals:
 
 
 @pytest.fixture
-def goals(client, planner):
-    goals = Goals(client, "/planning")
+def goals(planner):
+    goals = Goals("/planning")
     yield goals
-    goals.client.destroy()
+    goals.close()
 
 
 def test_a_goal_succeeds_with_feedback_for_every_iteration_and_its_gait_on_the_topic(client, goals):
@@ -273,6 +269,26 @@ def test_four_clients_at_once_are_answered_while_one_asks_the_impossible(client,
     assert max(slowest[1:]) < max(1.0, 0.5 * slowest[0]), f"held up by the impossible: {slowest}"
 
 
+def test_a_program_that_made_and_ended_hundreds_of_endpoints_is_answered(planner):
+    """Its announcements take long to read, and are read again while one of its endpoints may have ended: what is new comes last."""
+    import rclpy
+    from rclpy.action import ActionClient
+    from tandem_msgs.action import GenerateGait
+
+    aside = rclpy.create_node("restless")
+    for _ in range(250):
+        ActionClient(aside, GenerateGait, "/planning/generate_gait").destroy()
+    slowest = 0.0
+    for _ in range(10):
+        began = time.monotonic()
+        goals = Goals("/planning")
+        assert goals.result(goals.send(behaviour="moonwalk")).result.status == "invalid_request"
+        slowest = max(slowest, time.monotonic() - began)
+        goals.close()
+    print(f"slowest answer: {slowest:.2f} s")
+    aside.destroy_node()
+
+
 def test_gaits_are_stamped_by_the_simulations_clock_where_it_is_asked_for(client, processes):
     from rosgraph_msgs.msg import Clock
     from tandem_msgs.srv import GenerateGait
@@ -311,7 +327,7 @@ def test_what_is_too_much_is_refused_with_a_reason(client, processes):
     arguments = ["-p", "waiting_requests:=0", "-p", "parallel_requests:=1"]
     processes("tandem_planner", "--ros-args", "-r", "__ns:=/crowded", *arguments)
     plan = client.service(GenerateGait, "/crowded/generate_gait")
-    goals = Goals(client, "/crowded")
+    goals = Goals("/crowded")
     others = [Client(f"crowd_{number}") for number in range(3)]
     services = [other.service(GenerateGait, "/crowded/generate_gait") for other in others]
     first = plan.call_async(GenerateGait.Request(**SLOW))
@@ -324,7 +340,7 @@ def test_what_is_too_much_is_refused_with_a_reason(client, processes):
     assert running.accepted and not goals.send(behaviour="gait1").accepted
     running.cancel_goal_async()
     goals.result(running)
-    goals.client.destroy()
+    goals.close()
     for other in others:
         other.close()
 
