@@ -7,7 +7,7 @@ import time
 
 import pytest
 import rtps
-from conftest import TARGET
+from conftest import TARGET, wait_until
 from test_hosts import PLANNER, ROBOT, hosts  # noqa: F401 (hosts is a fixture)
 
 # A participant announces itself from the other host, and says that it is found on the loopback: whoever hears it asks
@@ -56,3 +56,30 @@ def test_what_comes_from_elsewhere_is_heard_on_the_subnet_only(hosts, range_, ex
         for process in (node, listener):
             process.terminate()
             process.wait(10)
+
+
+def test_a_robots_nodes_find_each_other_beside_a_dozen_other_programs(hosts, tmp_path):  # noqa: F811
+    """On a machine whose loopback carries no multicast, as Linux starts it: two controllers must see that they are two."""
+    environment = {**os.environ, "ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST"}
+    started = []
+
+    def start(program, namespace, *parameters):
+        log = tmp_path / f"{len(started)}.log"
+        given = ["--ros-args", "-r", f"__ns:={namespace}", *(part for parameter in parameters for part in ("-p", parameter))]
+        command = ["ip", "netns", "exec", ROBOT, str(TARGET / program), *given]
+        started.append((subprocess.Popen(command, env=environment, stdout=log.open("wb"), stderr=subprocess.STDOUT), log))
+        return log
+
+    try:
+        others = [start("tandem_planner", f"/other{n}", "autostart:=false") for n in range(14)]
+        wait_until(lambda: all(" starts: " in log.read_text() for log in others), 30, "the others run")
+        time.sleep(1)
+        twins = [start("tandem_controller", "/twins", "overrun_s:=1.0", "middleware_timeout_s:=1.0") for _ in range(2)]
+        told = ("another program publishes joint_command", "fault second_controller")
+        seen = lambda: any(words in log.read_text() for log in twins for words in told)
+        wait_until(seen, 20, lambda: "\n".join(log.read_text() for log in twins))
+    finally:
+        for process, _ in started:
+            process.terminate()
+        for process, _ in started:
+            process.wait(20)

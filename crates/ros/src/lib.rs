@@ -58,6 +58,7 @@ mod names;
 mod node;
 mod others;
 mod parameters;
+mod participant;
 mod publisher;
 mod qos;
 mod security;

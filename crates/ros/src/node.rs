@@ -1,7 +1,6 @@
 //! A node: one DDS participant, its publishers, subscriptions, services, parameters and its end.
 
 use std::collections::HashMap;
-use std::net::Ipv4Addr;
 use std::sync::atomic::{AtomicI64, Ordering};
 use std::sync::{Arc, Mutex, PoisonError, Weak};
 use std::time::{Duration, Instant};
@@ -9,7 +8,7 @@ use std::time::{Duration, Instant};
 use futures::StreamExt;
 use ros2_client::action::ActionServerQosPolicies;
 use ros2_client::dds::ServiceMapping;
-use ros2_client::dds::rustdds::{DomainParticipantBuilder, GUID};
+use ros2_client::dds::rustdds::GUID;
 use ros2_client::{ActionTypeName, Context, Gid, MessageTypeName, Name, NodeName, NodeOptions, ServiceTypeName};
 use tandem_msgs::builtin_interfaces::Time;
 use tandem_msgs::rcl_interfaces as wire;
@@ -20,7 +19,7 @@ use tokio::sync::watch;
 use tokio::task::JoinHandle;
 
 use crate::action::{Dispatcher, Goal, GoalEnd};
-use crate::arguments::{Arguments, DiscoveryRange};
+use crate::arguments::Arguments;
 use crate::client::Client;
 use crate::matches::{Departure, Matches, Peers, PublisherId};
 use crate::names::{self, Subject};
@@ -28,7 +27,7 @@ use crate::parameters::{ParameterBuilder, ParameterType, Store};
 use crate::publisher::{Publisher, Raw, RawPublisher, Slot};
 use crate::service::{ServeOptions, serve};
 use crate::watchdog::{self, Health};
-use crate::{Clock, Qos, RosError, Wire, greeting, logging};
+use crate::{Clock, Qos, RosError, Wire, greeting, logging, participant};
 
 /// How long the end of a node may take before it is given up.
 const SHUTDOWN_PATIENCE: Duration = Duration::from_millis(1200);
@@ -208,11 +207,7 @@ impl Node {
         // First of all: from the moment that others see anything of the node they may ask it to end.
         let stop = Stop::new(Health::new(arguments.supervised));
         let guard = watchdog::start(&stop)?;
-        let mut builder = DomainParticipantBuilder::new(arguments.domain_id);
-        if arguments.range == DiscoveryRange::Localhost {
-            builder = builder.with_only_networks([Ipv4Addr::LOCALHOST]);
-        }
-        let participant = arguments.security.protect(builder)?.build().map_err(|error| create(error.to_string()))?;
+        let participant = participant::start(arguments, &create)?;
         stop.health.set_loops(participant.loop_watches());
         std::thread::sleep(INTRODUCTION);
         let context = Context::from_domain_participant(participant).map_err(|error| create(error.to_string()))?;

@@ -15,7 +15,7 @@ use crate::node::Occasionally;
 
 /// How long an answer waits for a caller whose reader is not known yet. A request can overtake the news of it, and what is sent
 /// before is lost; whoever is unknown after this has gone or never listened.
-pub(crate) const INTRODUCTION_OF_CALLER: Duration = Duration::from_secs(1);
+pub(crate) const INTRODUCTION_OF_CALLER: Duration = Duration::from_secs(5);
 
 /// Requests that wait for a service, unless it says otherwise: whoever floods it holds no more memory than these.
 pub const WAITING: usize = 64;
