@@ -1,5 +1,7 @@
 //! The law: from where in a step the gait is to what the drives are asked for, before limits.
 
+pub mod balanced;
+
 use crate::gait_clock::{Growth, Place};
 use crate::prepared_gait::Instant;
 use crate::{JOINTS, JointCommand, PreparedGait};

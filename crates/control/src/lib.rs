@@ -52,6 +52,8 @@ pub use fault::{Fault, FaultReport, FaultSet, Severity};
 pub use gait::JOINTS;
 pub use inertial::{InertialState, Tilt, is_unit_length};
 pub use interface::{DampingReason, Input, JointState, MAX_REQUESTS, Output, Request};
+pub use law::balanced;
+pub use law::balanced::Velocity;
 pub use memory::{Snapshot, SnapshotVersion1};
 pub use prepared_gait::{GaitName, Instant, PreparedGait};
 pub use transition::{Event, Guards, Mode, Refusal, transition};

@@ -181,7 +181,7 @@ impl Config {
                 10.0,
                 "Simulated time after which a command is too old and the drives damp, s.",
             )?,
-            fine_pictures: false,
+            ..SimulatorOptions::default()
         };
         let every = |rate_hz: f64| (1.0 / (rate_hz * period_s)).round().max(1.0) as u64;
         Ok(Self {

@@ -8,5 +8,6 @@ pub mod measure;
 pub mod pictures;
 pub mod ports;
 pub mod simulator;
+pub mod trial;
 pub mod walk;
 pub mod work;

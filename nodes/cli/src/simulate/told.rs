@@ -20,6 +20,11 @@ fn ground(terrain: &Terrain) -> String {
         }
         Terrain::Rough { height_m, .. } => format!("bumps up to {:.0} mm", 1e3 * height_m),
         Terrain::Steps { rise_m, .. } => format!("stairs of {:.0} mm", 1e3 * rise_m),
+        Terrain::Ramp { incline_rad } => format!("a ramp of {:.1} degrees", incline_rad.to_degrees()),
+        Terrain::Kerb { height_m } => format!("a kerb of {:.0} mm", 1e3 * height_m),
+        Terrain::Hills { incline_rad, bump_m } => {
+            format!("hills of {:.1} degrees with bumps up to {:.0} mm", incline_rad.to_degrees(), 1e3 * bump_m)
+        }
     }
 }
 

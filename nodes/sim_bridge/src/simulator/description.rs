@@ -7,7 +7,7 @@
 //! The URDF's own names get a prefix, so that none can be the name of something of ours or of MuJoCo's.
 
 use super::meshes::Meshes;
-use super::{SimulatorError, SimulatorOptions};
+use super::{SimulatorError, SimulatorOptions, Variation};
 use nalgebra::{Matrix3, Rotation3, UnitQuaternion, Vector3};
 use rigid_body::Inertia;
 use robot::Robot;
@@ -108,6 +108,7 @@ struct Writer<'a> {
     meshes: Meshes,
     without_ball: Vec<&'a str>,
     joints_met: HashSet<&'a str>,
+    variation: Variation,
     /// Moving links whose links, fixed to each other, are written as one body, and that body's inertia.
     merged: HashMap<&'a str, Inertia>,
 }
@@ -136,7 +137,9 @@ impl<'a> Writer<'a> {
         }
     }
 
-    fn inertial(&mut self, link: &Link, merged: Option<&Inertia>, is_top: bool) {
+    fn inertial(&mut self, link: &Link, merged: Option<&Inertia>, is_top: bool, of_trunk: bool) {
+        let scale = self.variation.mass_scale;
+        let shift = if of_trunk { Vector3::from(self.variation.torso_shift_m) } else { Vector3::zeros() };
         if let Some(body) = merged {
             if is_top {
                 let mut m = body.rotational_kg_m2;
@@ -147,7 +150,7 @@ impl<'a> Writer<'a> {
                 if lacks > -1e-9 * moments[2] {
                     m += Matrix3::identity() * (lacks.max(0.0) + 1e-9 * moments[2]);
                 }
-                self.text += &inertial(&body.center_m.into(), body.mass_kg, &m);
+                self.text += &inertial(&(body.center_m + shift).into(), scale * body.mass_kg, &(m * scale));
             }
             return;
         }
@@ -159,7 +162,8 @@ impl<'a> Writer<'a> {
         let about_own_axes = Matrix3::new(i.ixx, i.ixy, i.ixz, i.ixy, i.iyy, i.iyz, i.ixz, i.iyz, i.izz);
         let turn: Rotation3<f64> = rotation(&of_link.origin.rpy).into();
         let m = turn * about_own_axes * turn.transpose();
-        self.text += &inertial(&of_link.origin.xyz.0, of_link.mass.value, &m);
+        let center_m = Vector3::from(of_link.origin.xyz.0) + shift;
+        self.text += &inertial(&center_m.into(), scale * of_link.mass.value, &(m * scale));
     }
 
     fn color(&self, material: Option<&Material>) -> [f64; 4] {
@@ -289,7 +293,7 @@ impl<'a> Writer<'a> {
         let link = robot.links.iter().find(|l| l.name == name).ok_or_else(|| {
             SimulatorError::Urdf(format!("a joint names the link \"{name}\", which the URDF does not have"))
         })?;
-        self.inertial(link, merged, is_top);
+        self.inertial(link, merged, is_top, of_trunk);
         self.shapes(link, of_trunk);
         for joint in robot.joints.iter().filter(|j| j.parent.link == name) {
             let child = joint.child.link.as_str();
@@ -328,10 +332,11 @@ pub(super) fn mjcf(of: &Robot, options: &SimulatorOptions, meshes: Meshes) -> Re
         robot,
         colors: robot.materials.iter().filter_map(|m| Some((m.name.as_str(), m.color.as_ref()?.rgba.0))).collect(),
         toes: of.legs.iter().map(|leg| of.model.frame_name(leg.toe)).collect(),
-        text: String::new(),
+        text: options.variation.payload(),
         meshes,
         without_ball: Vec::new(),
         joints_met: HashSet::new(),
+        variation: options.variation,
         merged: HashMap::new(),
     };
     writer.find_merged(root);
@@ -361,8 +366,7 @@ pub(super) fn mjcf(of: &Robot, options: &SimulatorOptions, meshes: Meshes) -> Re
   <map znear="0.01" zfar="60" fogstart="5" fogend="16" shadowclip="1.2" shadowscale="0.7"/>
   <rgba haze="0.87 0.90 0.94 1" fog="0.87 0.90 0.94 1"/>
 </visual>
-<statistic extent="1.5" meansize="0.1"/>
-<default>
+<statistic extent="1.5" meansize="0.1"/><default>
   <geom contype="1" conaffinity="3" friction="{friction} 0.005 0.0001" solref="0.005 1" solimp="0.95 0.99 0.001" condim="3"/>
   <joint type="hinge" damping="0" armature="0"/>
   <default class="seen"><geom contype="0" conaffinity="0" group="1" mass="0"/></default>

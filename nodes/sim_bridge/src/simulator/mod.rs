@@ -6,14 +6,18 @@
 //! drives do. A command that is not finite, or that is too old, leaves the joints damped (kp = 0).
 
 mod description;
+mod fall;
 mod meshes;
 mod picture;
 mod random;
 mod terrain;
+mod variation;
 
+pub use fall::Fall;
 pub use picture::{Camera, Image, PictureError, Renderer};
 pub use random::Random;
 pub use terrain::Terrain;
+pub use variation::Variation;
 
 use control::JointCommand;
 use gait::Gait;
@@ -74,6 +78,8 @@ pub struct SimulatorOptions {
     pub joint_noise_rad: f64,
     /// Simulated time after which a command is too old and the drives damp, s.
     pub command_timeout_s: f64,
+    /// What the simulated robot differs by from its description.
+    pub variation: Variation,
     /// Pictures with shadows and smooth edges (about ten times slower to draw; the motion is the same).
     pub fine_pictures: bool,
 }
@@ -87,6 +93,7 @@ impl Default for SimulatorOptions {
             seed: 0,
             joint_noise_rad: 0.0,
             command_timeout_s: 0.1,
+            variation: Variation::default(),
             fine_pictures: false,
         }
     }
@@ -99,6 +106,9 @@ impl SimulatorOptions {
             ("friction", self.friction, 0.01, 5.0),
             ("joint_noise_rad", self.joint_noise_rad, 0.0, 0.3),
             ("command_timeout_s", self.command_timeout_s, 1e-3, 10.0),
+            ("variation.payload_kg", self.variation.payload_kg, 0.0, 1e3),
+            ("variation.mass_scale", self.variation.mass_scale, 0.1, 10.0),
+            ("variation.stiffness_scale", self.variation.stiffness_scale, 0.1, 10.0),
         ];
         for (name, value, low, high) in limits {
             if !(low..=high).contains(&value) {
@@ -127,27 +137,6 @@ pub struct Push {
     pub duration_s: f64,
     /// Force in world axes at the base's origin, N.
     pub force_n: [f64; 3],
-}
-
-/// How the run has ended, if it has.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Fall {
-    /// The base is lower than 0.6 of its height at the reset.
-    Low,
-    /// The base is rolled or pitched by more than 0.8 rad.
-    Tilted,
-    /// A position or velocity is not a finite number.
-    NotFinite,
-}
-
-impl std::fmt::Display for Fall {
-    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        f.write_str(match self {
-            Self::Low => "the body came down",
-            Self::Tilted => "the body tilted over",
-            Self::NotFinite => "the simulation diverged",
-        })
-    }
 }
 
 /// The robot at one instant. Legs and joints in the project's order.
@@ -452,6 +441,7 @@ impl Simulator {
         let stiff = command.kp.iter().chain(&command.kd).all(|&gain| gain >= 0.0);
         if finite && stiff {
             self.command = *command;
+            self.command.kp = command.kp.map(|kp| kp * self.options.variation.stiffness_scale);
         } else {
             self.rejected_commands += 1;
             self.command = self.damping;
@@ -534,6 +524,12 @@ impl Simulator {
         [q.i, q.j, q.k, q.w]
     }
 
+    /// What an accelerometer at the base's origin reads, in the base's axes, m/s².
+    pub fn specific_force_body(&self) -> [f64; 3] {
+        let sensors = self.data.sensordata();
+        [sensors[0], sensors[1], sensors[2]]
+    }
+
     /// Centres of the toe spheres in the world, m.
     pub fn toe_positions_m(&self) -> [[f64; 3]; LEGS] {
         self.toe_geoms.map(|toe| self.data.geom_xpos()[toe])
@@ -571,7 +567,7 @@ impl Simulator {
         if roll.abs().max(pitch.abs()) > FALLEN_TILT_RAD {
             return Some(Fall::Tilted);
         }
-        let height = qpos[2] - self.options.terrain.ground_m(qpos[0]);
+        let height = qpos[2] - self.options.terrain.ground_m(qpos[0], qpos[1]);
         (height < FALLEN_HEIGHT_FRACTION * self.first_height_m).then_some(Fall::Low)
     }
 
@@ -584,7 +580,7 @@ impl Simulator {
     /// Height of the base above the toe centres of a robot that stands on the ground below it, m.
     pub fn height_m(&self) -> f64 {
         let qpos = self.data.qpos();
-        qpos[2] - self.toe_radius_m - self.options.terrain.ground_m(qpos[0])
+        qpos[2] - self.toe_radius_m - self.options.terrain.ground_m(qpos[0], qpos[1])
     }
 
     /// MuJoCo's data, for drawing.

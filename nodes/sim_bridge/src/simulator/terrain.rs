@@ -29,6 +29,23 @@ pub enum Terrain {
         /// Depth of a stair, m.
         run_m: f64,
     },
+    /// Level ground, from 1 m in front of the origin on a plane that rises (or, negative, falls) along +x.
+    Ramp {
+        /// Inclination, rad.
+        incline_rad: f64,
+    },
+    /// A kerb up 1 m in front of the origin and down again 2 m after it, across the whole way.
+    Kerb {
+        /// Its height, m.
+        height_m: f64,
+    },
+    /// Rolling ground, 3 m from hill to hill, with bumps on it, 24 m by 24 m about the origin.
+    Hills {
+        /// Steepest inclination, rad.
+        incline_rad: f64,
+        /// Highest bump, m.
+        bump_m: f64,
+    },
 }
 
 /// Half the side of the rough field, m.
@@ -40,6 +57,12 @@ const STAIRS: usize = 10;
 const STAIRS_HALF_WIDTH_M: f64 = 3.0;
 /// How far the landing above the last stair reaches, m.
 const LANDING_M: f64 = 20.0;
+/// Where ramps and kerbs begin, and how long a kerb is, m.
+const OBSTACLE_START_M: f64 = 1.0;
+const KERB_M: f64 = 2.0;
+/// From hill to hill, m, and the side of a bump on them.
+const HILL_M: f64 = 3.0;
+const BUMP_CELL_M: f64 = 0.2;
 
 impl Terrain {
     /// The first thing wrong with the terrain's numbers, for the user.
@@ -59,6 +82,10 @@ impl Terrain {
             Self::Steps { rise_m, run_m } => {
                 outside("stair rise", rise_m, 0.005, 0.3, "m").or_else(|| outside("stair depth", run_m, 0.1, 2.0, "m"))
             }
+            Self::Ramp { incline_rad } => outside("ramp", incline_rad.to_degrees(), -30.0, 30.0, "degrees"),
+            Self::Kerb { height_m } => outside("kerb height", height_m, 0.005, 0.3, "m"),
+            Self::Hills { incline_rad, bump_m } => outside("hills", incline_rad.to_degrees(), 0.0, 30.0, "degrees")
+                .or_else(|| outside("bump height", bump_m, 0.0, 0.3, "m")),
         }
     }
 
@@ -75,16 +102,54 @@ impl Terrain {
     pub(super) fn lift_m(&self) -> f64 {
         match *self {
             Self::Rough { height_m, .. } => height_m,
+            Self::Ramp { .. } => self.ground_m(0.0, 0.0),
+            Self::Hills { bump_m, .. } => self.ground_m(0.0, 0.0) + bump_m,
             _ => 0.0,
         }
     }
 
-    /// Height that counts as "the ground" for judging a fall of a body at `x`, m.
-    pub(super) fn ground_m(&self, x: f64) -> f64 {
+    /// Height that counts as "the ground" for judging a fall of a body at `x`, `y`, m.
+    pub(super) fn ground_m(&self, x: f64, y: f64) -> f64 {
         match *self {
             Self::Rough { height_m, .. } => height_m,
             Self::Steps { rise_m, run_m } => rise_m * ((x - STAIRS_START_M) / run_m).ceil().clamp(0.0, STAIRS as f64),
+            Self::Ramp { incline_rad } => {
+                // Down a ramp the level ground lies as high as the ramp is long.
+                let top = (-incline_rad.tan()).max(0.0) * (ROUGH_HALF_SIDE_M - OBSTACLE_START_M);
+                top + incline_rad.tan() * (x.min(ROUGH_HALF_SIDE_M) - OBSTACLE_START_M).max(0.0)
+            }
+            Self::Kerb { height_m } if (OBSTACLE_START_M..OBSTACLE_START_M + KERB_M).contains(&x) => height_m,
+            Self::Hills { incline_rad, .. } => {
+                let k = std::f64::consts::TAU / HILL_M;
+                incline_rad.tan() / k * (1.0 + (k * x).sin() * (k * y).cos())
+            }
             _ => 0.0,
+        }
+    }
+
+    /// Whether the ground is a field of heights.
+    fn is_field(&self) -> bool {
+        matches!(self, Self::Rough { .. } | Self::Ramp { .. } | Self::Hills { .. })
+    }
+
+    /// Height of the field's highest possible sample, m.
+    fn field_top_m(&self) -> f64 {
+        match *self {
+            Self::Rough { height_m, .. } => height_m,
+            Self::Ramp { incline_rad } => (incline_rad.abs().tan() * (ROUGH_HALF_SIDE_M - OBSTACLE_START_M)).max(1e-3),
+            Self::Hills { incline_rad, bump_m } => {
+                (incline_rad.tan() * HILL_M / std::f64::consts::PI + bump_m).max(1e-3)
+            }
+            _ => 0.0,
+        }
+    }
+
+    /// Samples along a side of the field.
+    fn samples(&self) -> usize {
+        match *self {
+            Self::Rough { cell_m, .. } => Self::grid(cell_m).0,
+            // Two samples a bump.
+            _ => Self::grid(BUMP_CELL_M).0 + 1,
         }
     }
 
@@ -102,15 +167,23 @@ impl Terrain {
             |z: f64| format!(r#"<geom name="floor" type="plane" size="0 0 0.5" pos="0 0 {z}" material="floor"/>"#);
         match *self {
             Self::Flat | Self::Slope { .. } => (String::new(), plane(0.0)),
-            Self::Rough { height_m, cell_m } => {
-                let (n, _) = Self::grid(cell_m);
+            Self::Rough { .. } | Self::Ramp { .. } | Self::Hills { .. } => {
+                let (n, top_m) = (self.samples(), self.field_top_m());
                 (
                     format!(
-                        r#"<hfield name="rough" nrow="{n}" ncol="{n}" size="{ROUGH_HALF_SIDE_M} {ROUGH_HALF_SIDE_M} {height_m} 0.1"/>"#
+                        r#"<hfield name="rough" nrow="{n}" ncol="{n}" size="{ROUGH_HALF_SIDE_M} {ROUGH_HALF_SIDE_M} {top_m} 0.1"/>"#
                     ),
                     // The plane lies just under the field, for a robot that walks off it.
                     format!(r#"{}<geom name="rough" type="hfield" hfield="rough" material="floor"/>"#, plane(-0.002)),
                 )
+            }
+            Self::Kerb { height_m } => {
+                let (half, middle) = (0.5 * height_m, OBSTACLE_START_M + 0.5 * KERB_M);
+                let kerb = format!(
+                    r#"<geom type="box" size="{} {ROUGH_HALF_SIDE_M} {half}" pos="{middle} 0 {half}" material="stair0"/>"#,
+                    0.5 * KERB_M
+                );
+                (String::new(), plane(0.0) + &kerb)
             }
             Self::Steps { rise_m, run_m } => {
                 let mut boxes = plane(0.0);
@@ -131,13 +204,22 @@ impl Terrain {
         }
     }
 
-    /// Heights of the rough field's samples as fractions of its height, row by row; empty for other terrains.
+    /// Heights of the field's samples as fractions of its height, row by row (y, then x); empty for other terrains.
     pub(super) fn heights(&self, seed: u64) -> Vec<f32> {
-        let Self::Rough { cell_m, .. } = *self else { return Vec::new() };
-        let (n, per_cell) = Self::grid(cell_m);
-        let cells = n / per_cell;
-        let mut random = Random::new(seed);
-        let heights: Vec<f32> = (0..cells * cells).map(|_| random.uniform() as f32).collect();
-        (0..n * n).map(|i| heights[(i / n / per_cell) * cells + (i % n) / per_cell]).collect()
+        if !self.is_field() {
+            return Vec::new();
+        }
+        let n = self.samples();
+        let (top_m, mut random) = (self.field_top_m(), Random::new(seed));
+        if let Self::Rough { cell_m, .. } = *self {
+            let (_, per_cell) = Self::grid(cell_m);
+            let cells = n / per_cell;
+            let heights: Vec<f32> = (0..cells * cells).map(|_| random.uniform() as f32).collect();
+            return (0..n * n).map(|i| heights[(i / n / per_cell) * cells + (i % n) / per_cell]).collect();
+        }
+        let bump_m = if let Self::Hills { bump_m, .. } = *self { bump_m } else { 0.0 };
+        let at = |i: usize| ROUGH_HALF_SIDE_M * (2.0 * i as f64 / (n - 1) as f64 - 1.0);
+        let height = |i: usize| (self.ground_m(at(i % n), at(i / n)) + bump_m * random.uniform()) / top_m;
+        (0..n * n).map(height).map(|height| height as f32).collect()
     }
 }

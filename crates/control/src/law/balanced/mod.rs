@@ -1,0 +1,321 @@
+//! The balanced law: the paper's law on a reference that is reshaped by what the robot feels (docs/balance.md).
+//!
+//! The reference is the plan of the gait with its stance toes moved so that the body goes where it is told, its
+//! swing toes placed where the body will be caught, and its step hurried where it could not be caught in time.
+//! Below it the paper's law is unchanged: τ = kp (θ′ − q) + kd (dθ′/dt − q̇) + the plan's compensating torque.
+
+mod config;
+mod drive;
+mod ground;
+mod reference;
+
+pub use config::{BalanceConfig, VelocityLimit};
+pub use drive::Velocity;
+
+use crate::prepared_gait::Instant;
+use crate::{JOINTS, PreparedGait};
+use drive::Drive;
+use estimator::Estimator;
+use gait::StepSide;
+use ground::Ground;
+use nalgebra::{Vector2, Vector3};
+use reference::{Planned, Shape, of_leg, smooth, swings};
+
+/// The reference's rate is its change over this phase.
+const STEP: f64 = 1e-3;
+/// What a switch would make jump is faded out by this phase.
+const FADED: f64 = 0.6;
+/// A hurried step leaves this share of the joints' velocity limits.
+const VELOCITY_SHARE: f64 = 0.9;
+
+/// What the law did in its last cycle, for those who watch.
+#[derive(Clone, Copy, Debug, Default, PartialEq, serde::Serialize, serde::Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct BalanceReport {
+    /// How far the body is from where the plan has it, its velocity counted as 1/λ of it, ahead and to the left, m.
+    pub error_m: [f64; 2],
+    /// Where the swing toes are placed beyond the plan, ahead and to the left, m.
+    pub placement_m: [f64; 2],
+    /// Pace of the step against the gait's own.
+    pub pace: f64,
+    /// The placement is at its range's end, or a leg cannot reach.
+    pub placement_limited: bool,
+    /// The step cannot be hurried as it should be.
+    pub hurry_limited: bool,
+    /// The ground's rise over run, ahead and to the left.
+    pub rise: [f64; 2],
+}
+
+/// The balanced law's memory while it walks.
+#[derive(Clone, Copy, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Balance {
+    /// Hips over toes in the gait, m.
+    height_m: f64,
+    own_velocity: [f64; 2],
+    middle_rad: [f64; JOINTS],
+    drive: Drive,
+    ground: Ground,
+    /// Steps that have ended.
+    steps: u64,
+    phase: f64,
+    /// dphase/dt, 1/s, and the most that the joints' velocities allow.
+    rate_s: f64,
+    fastest_s: f64,
+    offsets_m: [[f64; 2]; 4],
+    /// Joints at the end of the step before, until the new step has begun from them.
+    ended_rad: Option<[f64; JOINTS]>,
+    fade_rad: [f64; JOINTS],
+    report: BalanceReport,
+}
+
+/// What one cycle sees.
+#[derive(Clone, Copy, Debug)]
+pub struct Cycle<'a> {
+    /// The law's constants.
+    pub config: &'a BalanceConfig,
+    /// The gait that is walked.
+    pub gait: &'a PreparedGait,
+    /// Measured joints, rad.
+    pub position_rad: &'a [f64; JOINTS],
+    /// Their velocity limits, rad/s.
+    pub velocity_limit_rad_s: &'a [f64; JOINTS],
+    /// The base.
+    pub estimate: &'a Estimator,
+    /// Share of the gait's motion about its middle posture that is walked, from 0 to 1.
+    pub share: f64,
+    /// Since the last cycle, s.
+    pub dt_s: f64,
+}
+
+impl Balance {
+    /// The law at the beginning of a walk, on the ground that the toes stand on. `moving`: the robot already moves
+    /// as the gait does (a simulator put it there), and stands on the ground as the law would have it.
+    pub fn start(cycle: &Cycle, moving: bool) -> Self {
+        let mut balance = Self {
+            height_m: 1.0,
+            own_velocity: [0.0; 2],
+            middle_rad: [0.0; JOINTS],
+            drive: Drive::new([0.0; 2], cycle.estimate),
+            ground: Ground::default(),
+            steps: 0,
+            phase: 0.0,
+            rate_s: 0.0,
+            fastest_s: f64::MAX,
+            offsets_m: [[0.0; 2]; 4],
+            ended_rad: None,
+            fade_rad: [0.0; JOINTS],
+            report: BalanceReport { pace: 1.0, ..BalanceReport::default() },
+        };
+        balance.adopt(cycle);
+        if moving {
+            balance.drive = Drive::new(balance.own_velocity, cycle.estimate);
+        }
+        let frames = balance.ground.frames(cycle.estimate);
+        balance.ground.fit(cycle.config, &toes_m(cycle), &frames, 1.0);
+        balance.ground.shift_at_once(balance.height_m);
+        balance
+    }
+
+    /// Takes over what follows from a gait: at the start, and at a switch to another.
+    pub fn adopt(&mut self, cycle: &Cycle) {
+        let (config, gait) = (cycle.config, cycle.gait);
+        let toe =
+            |side: StepSide, s: f64, leg: usize| config.legs[leg].toe_m(&of_leg(&gait.at(side, s).position_rad, leg));
+        self.height_m =
+            (0..4).map(|leg| config.legs[leg].hip_m().z - toe(StepSide::First, 0.0, leg).z).sum::<f64>() / 4.0;
+        let mut moved = Vector3::zeros();
+        for side in [StepSide::First, StepSide::Mirrored] {
+            for leg in (0..4).filter(|&leg| !swings(side)[leg]) {
+                moved += toe(side, 1.0, leg) - toe(side, 0.0, leg);
+            }
+        }
+        self.own_velocity = (-moved.xy() / (4.0 * gait.step_duration_s())).into();
+        let [a, b] = [StepSide::First, StepSide::Mirrored].map(|side| gait.at(side, 0.0).position_rad);
+        self.middle_rad = std::array::from_fn(|j| 0.5 * (a[j] + b[j]));
+        self.rate_s = 1.0 / gait.step_duration_s();
+        self.fastest_s = f64::MAX;
+    }
+
+    /// Steps that have ended since the start.
+    pub fn steps(&self) -> u64 {
+        self.steps
+    }
+
+    /// Phase of the step, from 0 to 1.
+    pub fn phase(&self) -> f64 {
+        self.phase
+    }
+
+    /// The side of the step that is walked.
+    pub fn side(&self) -> StepSide {
+        StepSide::of_step(self.steps)
+    }
+
+    /// The gait's own velocity, m/s: what is walked where nothing else is asked for.
+    pub fn own_velocity(&self) -> Velocity {
+        Velocity { forward_m_s: self.own_velocity[0], left_m_s: self.own_velocity[1], yaw_rad_s: 0.0 }
+    }
+
+    /// Which legs are planned to swing.
+    pub fn swings(&self) -> [bool; 4] {
+        swings(self.side())
+    }
+
+    /// What the last cycle did.
+    pub fn report(&self) -> &BalanceReport {
+        &self.report
+    }
+
+    /// Hips over toes in the gait, m.
+    pub fn height_m(&self) -> f64 {
+        self.height_m
+    }
+
+    /// Moves the phase on; true at a switch, where the legs change roles.
+    pub fn advance(&mut self, cycle: &Cycle) -> bool {
+        self.phase += self.rate_s * cycle.dt_s;
+        if self.phase < 1.0 {
+            return false;
+        }
+        // Less than a cycle is carried over.
+        self.phase = (self.phase - 1.0).min(self.rate_s * cycle.dt_s);
+        let shape = self.shape(cycle);
+        let placement = Vector2::from(self.report.placement_m);
+        self.ended_rad = Some(shape.placed(1.0, &shape.planned(1.0), placement).joints_rad);
+        for leg in 0..4 {
+            if self.swings()[leg] {
+                self.offsets_m[leg] = self.report.placement_m;
+            }
+        }
+        let frames = self.ground.frames(cycle.estimate);
+        self.ground.fit(cycle.config, &toes_m(cycle), &frames, cycle.config.ground_gain);
+        self.steps += 1;
+        true
+    }
+
+    /// The reference of this cycle, towards `asked`.
+    pub fn step(&mut self, cycle: &Cycle, asked: &Velocity) -> Instant {
+        self.drive.step(cycle.config, asked, cycle.estimate, cycle.dt_s);
+        self.ground.follow(cycle.config, self.height_m, cycle.dt_s);
+        let shape = self.shape(cycle);
+        if let Some(ended) = self.ended_rad.take() {
+            let begun = shape.placed(0.0, &shape.planned(0.0), Vector2::zeros()).joints_rad;
+            self.fade_rad = std::array::from_fn(|j| ended[j] - begun[j]);
+        }
+        let s = self.phase;
+        let (now, next) = (shape.planned(s), shape.planned(s + STEP));
+        let error = self.error(cycle, &shape, &now, &next);
+        let placement = self.place(cycle, &error);
+        let (at, after) = (shape.placed(s, &now, placement), shape.placed(s + STEP, &next, placement));
+        let (fade, fade_after) = (1.0 - smooth(s / FADED), 1.0 - smooth((s + STEP) / FADED));
+        let change: [f64; JOINTS] = std::array::from_fn(|j| {
+            (after.joints_rad[j] - at.joints_rad[j] + (fade_after - fade) * self.fade_rad[j]) / STEP
+        });
+        let carried = shape.carried_nm(&now, &at);
+        self.fastest_s = (0..JOINTS).fold(f64::MAX, |least, j| {
+            least.min(VELOCITY_SHARE * cycle.velocity_limit_rad_s[j] / change[j].abs().max(1e-9))
+        });
+        self.report.placement_limited |= at.limited;
+        self.report.rise = self.ground.rise;
+        Instant {
+            position_rad: std::array::from_fn(|j| at.joints_rad[j] + fade * self.fade_rad[j]),
+            velocity_rad_s: change.map(|change| change * self.rate_s),
+            torque_nm: std::array::from_fn(|j| now.torque_nm[j] + carried[j]),
+        }
+    }
+
+    fn shape<'a>(&self, cycle: &Cycle<'a>) -> Shape<'a> {
+        Shape {
+            config: cycle.config,
+            gait: cycle.gait,
+            side: self.side(),
+            driven: self.drive.driven(),
+            own_velocity: Vector2::from(self.own_velocity) * cycle.share,
+            middle_rad: self.middle_rad,
+            share: cycle.share,
+            ground: self.ground,
+            frames: self.ground.frames(cycle.estimate),
+            offsets_m: self.offsets_m,
+        }
+    }
+
+    /// How far the body is from where the plan has it, with its velocity as 1/λ of it, along the stance line and
+    /// across.
+    fn error(&self, cycle: &Cycle, shape: &Shape, now: &Planned, next: &Planned) -> Error {
+        let lambda = self.lambda_s(cycle);
+        let swings = self.swings();
+        let mut standing = (0..4).filter(|&leg| !swings[leg]);
+        let pair = [standing.next().unwrap_or(0), standing.next().unwrap_or(1)];
+        let measured =
+            pair.map(|leg| shape.frames.heading * cycle.config.legs[leg].toe_m(&of_leg(cycle.position_rad, leg)));
+        let mean = |toes: [Vector3<f64>; 2]| -0.5 * (toes[0] + toes[1]).xy();
+        let center = mean(measured);
+        let planned = mean(pair.map(|leg| now.toes_m[leg]));
+        let rate = (mean(pair.map(|leg| next.toes_m[leg])) - planned) / (STEP * cycle.gait.step_duration_s());
+        let turning = shape.driven.yaw_rad_s;
+        let planned_velocity = rate + turning * Vector2::new(-planned.y, planned.x);
+        let rotation = cycle.estimate.rotation();
+        let in_heading = shape.frames.heading * (rotation.transpose() * Vector3::from(cycle.estimate.velocity_m_s()));
+        let whole = center - planned + (in_heading.xy() - planned_velocity) / lambda;
+        let along = (measured[1] - measured[0]).xy();
+        // Toes on one point have no line between them.
+        let along = along.try_normalize(1e-6).unwrap_or_else(Vector2::x);
+        Error { whole, along, across: Vector2::new(-along.y, along.x) }
+    }
+
+    /// λ = √(g/z0): how fast a body over its toes falls away from them.
+    fn lambda_s(&self, cycle: &Cycle) -> f64 {
+        (cycle.config.estimator.gravity_m_s2 / self.height_m).sqrt()
+    }
+
+    /// Sets the pace; says where the swing toes go beyond the plan.
+    fn place(&mut self, cycle: &Cycle, error: &Error) -> Vector2<f64> {
+        let config = cycle.config;
+        let lambda = self.lambda_s(cycle);
+        let period_s = cycle.gait.step_duration_s();
+        let (across, along) = (error.whole.dot(&error.across), error.whole.dot(&error.along));
+        let left = 1.0 - self.phase;
+        let own_s = 1.0 / period_s;
+        let shortest_s = config.hurry_rest_share / lambda;
+        let caught_s = (config.hurry_share * self.height_m / across.abs().max(1e-9)).ln() / lambda;
+        let rest_s = caught_s.max(shortest_s);
+        self.rate_s = own_s;
+        let mut hurry_limited = false;
+        if rest_s < left * period_s {
+            let wanted = left / rest_s;
+            let most = (config.hurry_limit * own_s).min(self.fastest_s.max(own_s));
+            self.rate_s = wanted.min(most);
+            hurry_limited = caught_s < shortest_s || wanted > most;
+        }
+        let grown = (lambda * left / self.rate_s).exp();
+        let mut placement = config.placement_gain * (across * grown * error.across + along * error.along);
+        let limit = config.placement_limit_share * self.height_m;
+        let length = placement.norm();
+        let placement_limited = length > limit;
+        if placement_limited {
+            placement *= limit / length;
+        }
+        self.report = BalanceReport {
+            error_m: error.whole.into(),
+            placement_m: placement.into(),
+            pace: self.rate_s * period_s,
+            placement_limited,
+            hurry_limited,
+            rise: self.ground.rise,
+        };
+        placement
+    }
+}
+
+struct Error {
+    whole: Vector2<f64>,
+    /// Unit vectors along the measured stance line and across it.
+    along: Vector2<f64>,
+    across: Vector2<f64>,
+}
+
+/// The measured toes from the body, m.
+fn toes_m(cycle: &Cycle) -> [Vector3<f64>; 4] {
+    std::array::from_fn(|leg| cycle.config.legs[leg].toe_m(&of_leg(cycle.position_rad, leg)))
+}

@@ -1,0 +1,130 @@
+//! From the plan to joints: where the toes are to be at a phase of the step, and the joints that put them there.
+
+use super::BalanceConfig;
+use super::drive::Driven;
+use super::ground::{Frames, Ground};
+use crate::{JOINTS, PreparedGait};
+use gait::StepSide;
+use nalgebra::{Vector2, Vector3};
+
+/// The swing's placement is reached at this phase, and an offset of the landing before is left by then.
+const PLACED: f64 = 0.75;
+/// Levelling is whole from this phase on.
+const LEVELLED: f64 = 0.6;
+
+/// 10 x³ − 15 x⁴ + 6 x⁵ between 0 and 1: from rest to rest, with no acceleration at the ends.
+pub(super) fn smooth(x: f64) -> f64 {
+    let x = x.clamp(0.0, 1.0);
+    x * x * x * (10.0 + x * (6.0 * x - 15.0))
+}
+
+/// Which legs swing in a step of this side.
+pub(super) fn swings(side: StepSide) -> [bool; 4] {
+    match side {
+        StepSide::First => [true, false, false, true],
+        StepSide::Mirrored => [false, true, true, false],
+    }
+}
+
+/// Three joints of a leg.
+pub(super) fn of_leg(joints: &[f64; JOINTS], leg: usize) -> [f64; 3] {
+    [joints[3 * leg], joints[3 * leg + 1], joints[3 * leg + 2]]
+}
+
+/// The plan at one phase, driven: joints B, toes p̄ from the body, and the compensating torque.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Planned {
+    pub joints_rad: [f64; JOINTS],
+    pub toes_m: [Vector3<f64>; 4],
+    pub torque_nm: [f64; JOINTS],
+}
+
+/// Joints θ′ at one phase.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Placed {
+    pub joints_rad: [f64; JOINTS],
+    /// Whether a leg cannot reach where it is to be.
+    pub limited: bool,
+}
+
+/// All that shapes one cycle's reference, at any phase.
+pub(super) struct Shape<'a> {
+    pub config: &'a BalanceConfig,
+    pub gait: &'a PreparedGait,
+    pub side: StepSide,
+    pub driven: Driven,
+    /// The gait's own velocity, m/s.
+    pub own_velocity: Vector2<f64>,
+    /// Middle of the gait's postures, rad, and the share of the motion about it that is walked.
+    pub middle_rad: [f64; JOINTS],
+    pub share: f64,
+    pub ground: Ground,
+    pub frames: Frames,
+    pub offsets_m: [[f64; 2]; 4],
+}
+
+impl Shape<'_> {
+    /// Stance toes move as one rigid body, so that none slips; swing toes go between where that begins and ends.
+    pub fn planned(&self, s: f64) -> Planned {
+        let at = self.gait.at(self.side, s);
+        let joints_rad = if self.share >= 1.0 {
+            at.position_rad
+        } else {
+            std::array::from_fn(|j| self.middle_rad[j] + self.share * (at.position_rad[j] - self.middle_rad[j]))
+        };
+        let swings = swings(self.side);
+        let period_s = self.gait.step_duration_s();
+        let beyond = self.driven.velocity - self.own_velocity;
+        let toes_m = std::array::from_fn(|leg| {
+            let toe = self.config.legs[leg].toe_m(&of_leg(&joints_rad, leg));
+            // Same value and slope at both ends.
+            let progress = if swings[leg] { 0.5 + s * (1.0 + s * (4.0 * s - 6.0)) } else { s - 0.5 };
+            let t = period_s * progress;
+            let (sine, cosine) = (self.driven.yaw_rad_s * t).sin_cos();
+            let (x, y) = (toe.x - beyond.x * t, toe.y - beyond.y * t);
+            Vector3::new(cosine * x + sine * y, cosine * y - sine * x, toe.z)
+        });
+        Planned { joints_rad, toes_m, torque_nm: at.torque_nm }
+    }
+
+    /// Joints for the toes, offset, placed by `placement` where they swing, shifted on a slope, and levelled.
+    pub fn placed(&self, s: f64, planned: &Planned, placement: Vector2<f64>) -> Placed {
+        let swings = swings(self.side);
+        let (reached, level) = (smooth(s / PLACED), smooth(s / LEVELLED));
+        let shift = Vector2::from(self.ground.shift_m);
+        let mut placed = Placed { joints_rad: [0.0; JOINTS], limited: false };
+        for leg in 0..4 {
+            let mut toe = planned.toes_m[leg];
+            let offset = Vector2::from(self.offsets_m[leg]);
+            let by = if swings[leg] { offset * (1.0 - reached) + placement * reached } else { offset } + shift;
+            toe.x += by.x;
+            toe.y += by.y;
+            if swings[leg] {
+                // Where the toe would be from a body that is parallel to the ground.
+                let away = self.frames.ground.tr_mul(&toe) - toe;
+                let [across, up] = self.config.level_gain.map(|gain| gain * level);
+                toe += Vector3::new(across * away.x, across * away.y, up * away.z);
+            }
+            let solution = self.config.legs[leg].joints(&toe);
+            placed.limited |= solution.limited;
+            placed.joints_rad[3 * leg..3 * leg + 3].copy_from_slice(&solution.joints_rad);
+        }
+        placed
+    }
+
+    /// What the stance legs must carry otherwise than planned: the same weight in another posture, and along real
+    /// gravity.
+    pub fn carried_nm(&self, planned: &Planned, placed: &Placed) -> [f64; JOINTS] {
+        let swings = swings(self.side);
+        let half_n = 0.5 * self.config.mass_kg * self.config.estimator.gravity_m_s2;
+        let up = self.frames.up * half_n;
+        let mut torque = [0.0; JOINTS];
+        for leg in (0..4).filter(|&leg| !swings[leg]) {
+            let now = self.config.legs[leg].toe(&of_leg(&placed.joints_rad, leg)).jacobian;
+            let plan = self.config.legs[leg].toe(&of_leg(&planned.joints_rad, leg)).jacobian;
+            let difference = plan.row(2).transpose() * half_n - now.tr_mul(&up);
+            torque[3 * leg..3 * leg + 3].copy_from_slice(difference.as_slice());
+        }
+        torque
+    }
+}

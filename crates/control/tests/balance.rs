@@ -1,0 +1,167 @@
+//! The balanced law by itself: no allocation, to the bit from its record, and the plan where nothing disturbs.
+//! What it survives is tested in MuJoCo (nodes/sim_bridge/tests/trial.rs).
+
+use control::balanced::{Balance, BalanceConfig, Cycle};
+use control::{Config, Instant, JOINTS, PreparedGait, Velocity};
+use estimator::{Estimator, Health, Inertial};
+use gait::Gait;
+use robot::Robot;
+
+#[global_allocator]
+static ALLOCATOR: realtime::CountingAllocator = realtime::CountingAllocator;
+
+struct Bench {
+    config: Config,
+    balance: BalanceConfig,
+    gait: PreparedGait,
+}
+
+impl Bench {
+    fn new() -> Self {
+        let robot = Robot::from_toml_str(
+            include_str!("../../../config/robots/vision60/robot.toml"),
+            include_str!("../../../config/robots/vision60/vision60.urdf"),
+        )
+        .unwrap();
+        let config = Config::for_robot(&robot);
+        let gait = Gait::from_json(include_str!("../../../nodes/sim_bridge/tests/data/amble.json")).unwrap();
+        Self {
+            balance: BalanceConfig::for_robot(&robot).unwrap(),
+            gait: PreparedGait::new(&gait, &config).unwrap(),
+            config,
+        }
+    }
+
+    fn cycle<'a>(&'a self, position_rad: &'a [f64; JOINTS], estimate: &'a Estimator) -> Cycle<'a> {
+        Cycle {
+            config: &self.balance,
+            gait: &self.gait,
+            position_rad,
+            velocity_limit_rad_s: &self.config.velocity_limit_rad_s,
+            estimate,
+            share: 1.0,
+            dt_s: 1e-3,
+        }
+    }
+
+    /// Runs `cycles` cycles of joints that follow perfectly on a base that is level but for `roll_rad`, and moves
+    /// at `speed_m_s`.
+    fn run(&self, memory: &mut Memory, cycles: u32, roll_rad: f64, speed_m_s: f64) -> Instant {
+        let half = 0.5 * roll_rad;
+        let mut last = None;
+        for _ in 0..cycles {
+            let inertial = Inertial {
+                angular_velocity_rad_s: [0.0; 3],
+                specific_force_m_s2: [0.0, 9.81 * roll_rad.sin(), 9.81 * roll_rad.cos()],
+                age_s: 0.0,
+                attitude_xyzw: Some([half.sin(), 0.0, 0.0, half.cos()]),
+            };
+            // Velocities of joints that walk at the speed given.
+            let at = self.gait.at(memory.side(), memory.phase());
+            let velocity = at.velocity_rad_s.map(|v| v * speed_m_s / 0.35);
+            let (swings, phase) = (memory.swings(), Some(memory.phase()));
+            let joints = (&at.position_rad, &velocity);
+            self.balance.estimate(&mut memory.estimate, joints, Some(inertial), swings, phase, 1e-3);
+            assert_eq!(memory.estimate.health(), Health::Good);
+            let cycle = self.cycle(&at.position_rad, &memory.estimate);
+            let balance = memory.balance.get_or_insert_with(|| Balance::start(&cycle, true));
+            balance.advance(&cycle);
+            let asked = Velocity { forward_m_s: 0.35, ..Velocity::default() };
+            last = Some(balance.step(&cycle, &asked));
+        }
+        last.unwrap()
+    }
+}
+
+#[derive(Clone, Copy, Default, PartialEq, Debug, serde::Serialize, serde::Deserialize)]
+struct Memory {
+    estimate: Estimator,
+    balance: Option<Balance>,
+}
+
+impl Memory {
+    fn side(&self) -> gait::StepSide {
+        self.balance.as_ref().map_or(gait::StepSide::First, Balance::side)
+    }
+
+    fn phase(&self) -> f64 {
+        self.balance.as_ref().map_or(0.0, Balance::phase)
+    }
+
+    fn swings(&self) -> [bool; 4] {
+        self.balance.as_ref().map_or([true, false, false, true], Balance::swings)
+    }
+}
+
+#[test]
+fn a_cycle_allocates_nothing_not_even_at_switches() {
+    let bench = Bench::new();
+    let mut memory = Memory::default();
+    bench.run(&mut memory, 1, 0.0, 0.35);
+    let before = realtime::allocations_of_this_thread();
+    bench.run(&mut memory, 3000, 0.05, 0.35);
+    assert_eq!(realtime::allocations_of_this_thread(), before);
+    assert!(memory.balance.unwrap().steps() > 5);
+}
+
+/// Written down in the middle of a step and read again, it goes on to the bit.
+#[test]
+fn it_goes_on_from_its_record_to_the_bit() {
+    let bench = Bench::new();
+    let mut first = Memory::default();
+    bench.run(&mut first, 500, 0.03, 0.3);
+    let mut second: Memory = serde_json::from_str(&serde_json::to_string(&first).unwrap()).unwrap();
+    assert_eq!(bench.run(&mut first, 1500, 0.03, 0.3), bench.run(&mut second, 1500, 0.03, 0.3));
+    assert_eq!(first, second);
+}
+
+/// On the plan, level and at the plan's pace, it asks for nearly what the plan asks for.
+#[test]
+fn where_nothing_disturbs_the_plan_is_walked() {
+    let bench = Bench::new();
+    let mut memory = Memory::default();
+    let asked = bench.run(&mut memory, 150, 0.0, 0.35);
+    let plan = bench.gait.at(memory.side(), memory.phase());
+    for j in 0..JOINTS {
+        let away = asked.position_rad[j] - plan.position_rad[j];
+        assert!(away.abs() < 0.06, "joint {j}: {away} rad");
+    }
+    let report = *memory.balance.unwrap().report();
+    assert!(report.pace == 1.0 && !report.placement_limited && !report.hurry_limited, "{report:?}");
+}
+
+/// A base that is far from its toes' line is caught: the step is hurried and its toes placed at the range's end,
+/// never further, and no joint is asked to move faster than its limit.
+#[test]
+fn what_is_too_far_is_hurried_and_placed_within_bounds() {
+    let bench = Bench::new();
+    let mut memory = Memory::default();
+    bench.run(&mut memory, 60, 0.0, 0.35);
+    let mut seen = (false, false);
+    for _ in 0..300 {
+        let asked = bench.run(&mut memory, 1, 0.35, 2.0);
+        let balance = memory.balance.as_ref().unwrap();
+        let report = balance.report();
+        let [x, y] = report.placement_m;
+        assert!(x.hypot(y) <= 0.36 * balance.height_m() + 1e-12, "{report:?}");
+        assert!((1.0..=4.0 + 1e-9).contains(&report.pace), "{report:?}");
+        seen = (seen.0 || report.placement_limited, seen.1 || report.pace > 1.0);
+        for j in 0..JOINTS {
+            let q = asked.position_rad[j];
+            assert!(q.is_finite() && asked.velocity_rad_s[j].is_finite() && asked.torque_nm[j].is_finite());
+        }
+    }
+    assert_eq!(seen, (true, true), "{:?}", memory.balance.unwrap().report());
+}
+
+#[test]
+fn constants_that_cannot_be_are_named() {
+    let bench = Bench::new();
+    assert_eq!(bench.balance.problem(), None);
+    let mut bad = bench.balance;
+    bad.placement_gain = f64::NAN;
+    assert_eq!(bad.problem().unwrap().0, "balance.placement_gain");
+    bad = bench.balance;
+    bad.estimator.velocity_s = 0.0;
+    assert!(bad.problem().unwrap().1.starts_with("velocity_s is 0"));
+}

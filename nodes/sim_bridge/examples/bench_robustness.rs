@@ -1,0 +1,58 @@
+//! What the balanced law survives: `launch-scripts/bench robustness [TABLE …]`.
+//!
+//! Every line is `name = survived/of`, or `name = value` for what is no survival. Seeded: the same lines on every
+//! run. Tables: see [`TABLES`]; without an argument all of them. `--bare` walks the paper's law instead,
+//! `--quick` takes one case in eight.
+
+#[path = "bench_robustness/cases.rs"]
+mod cases;
+#[path = "bench_robustness/driving.rs"]
+mod driving;
+#[path = "bench_robustness/ground.rs"]
+mod ground;
+#[path = "bench_robustness/pushes.rs"]
+mod pushes;
+
+use cases::Bench;
+
+/// A table's name and what prints it.
+type Table = (&'static str, fn(&Bench));
+
+const TABLES: [Table; 12] = [
+    ("undisturbed", driving::undisturbed),
+    ("pushes", pushes::pushes),
+    ("slopes", ground::slopes),
+    ("ramps", ground::ramps),
+    ("kerbs", ground::kerbs),
+    ("bumps", ground::bumps),
+    ("stairs", ground::stairs),
+    ("torture", ground::torture),
+    ("variations", pushes::variations),
+    ("delay", pushes::delay),
+    ("driving", driving::driving),
+    ("eight", driving::eight),
+];
+
+fn main() {
+    let arguments: Vec<String> = std::env::args().skip(1).collect();
+    let (flags, names): (Vec<&String>, Vec<&String>) = arguments.iter().partition(|a| a.starts_with("--"));
+    let unknown = flags
+        .iter()
+        .find(|flag| !["--bare", "--quick"].contains(&flag.as_str()))
+        .or_else(|| names.iter().find(|name| !TABLES.iter().any(|(known, _)| *known == name.as_str())));
+    if let Some(unknown) = unknown {
+        let known: Vec<&str> = TABLES.iter().map(|(name, _)| *name).collect();
+        eprintln!(
+            "bench_robustness: \"{unknown}\" is unknown: expected --bare, --quick or some of {}",
+            known.join(", ")
+        );
+        std::process::exit(2);
+    }
+    let has = |flag: &str| flags.iter().any(|given| given.as_str() == flag);
+    let bench = Bench::new(!has("--bare"), has("--quick"));
+    for (name, table) in TABLES {
+        if names.is_empty() || names.iter().any(|asked| asked.as_str() == name) {
+            table(&bench);
+        }
+    }
+}

@@ -1,0 +1,124 @@
+//! Robot, gaits, and how many of a table's trials survived.
+
+use control::Velocity;
+use gait::Gait;
+use gait_design::{GaitRequest, PlanOptions, plan};
+use robot::Robot;
+use std::cell::RefCell;
+use std::collections::BTreeMap;
+use std::ops::ControlFlow;
+use std::path::Path;
+use tandem_sim_bridge::simulator::Push;
+use tandem_sim_bridge::trial::{Outcome, Trial, run};
+
+/// The behaviours of the paper's Table I.
+pub const BEHAVIOURS: [&str; 5] = ["gait1", "gait2", "gait3", "gait4", "amble"];
+
+/// The robot, the gaits planned so far, and how to walk.
+pub struct Bench {
+    pub robot: Robot,
+    pub balanced: bool,
+    pub quick: bool,
+    gaits: RefCell<BTreeMap<String, Gait>>,
+}
+
+impl Bench {
+    pub fn new(balanced: bool, quick: bool) -> Self {
+        let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../config/robots/vision60");
+        let robot = Robot::load(&folder).unwrap_or_else(|error| fail(&error.to_string()));
+        Self { robot, balanced, quick, gaits: RefCell::default() }
+    }
+
+    /// A gait by name: a behaviour's, its frequency counting steps (`amble`) or strides (`amble/stride`), or the
+    /// wide and quick amble that is the best base for driving (`wide`).
+    pub fn gait(&self, name: &str) -> Gait {
+        if let Some(gait) = self.gaits.borrow().get(name) {
+            return gait.clone();
+        }
+        let (behaviour, reading) = name.split_once('/').unwrap_or((name, "step"));
+        let behaviour = if behaviour == "wide" { "amble" } else { behaviour };
+        let mut request = GaitRequest::named(behaviour, &self.robot).unwrap_or_else(|error| fail(&error.to_string()));
+        if reading == "stride" {
+            request.step_duration_s *= 0.5;
+        }
+        if name == "wide" {
+            (request.step_duration_s, request.half_width_m, request.clearance_m) = (0.24, 0.28, 0.1);
+        }
+        let planned = plan(&self.robot, &request, &PlanOptions::default(), |_| ControlFlow::Continue(()))
+            .unwrap_or_else(|error| fail(&format!("{name}: {error}")));
+        self.gaits.borrow_mut().insert(name.to_owned(), planned.gait.clone());
+        planned.gait
+    }
+
+    /// The five behaviours in both readings.
+    pub fn all_gaits(&self) -> Vec<String> {
+        ["", "/stride"].iter().flat_map(|reading| BEHAVIOURS.map(|name| format!("{name}{reading}"))).collect()
+    }
+
+    /// One trial.
+    pub fn run(&self, gait: &Gait, trial: Trial) -> Outcome {
+        let trial = Trial { balanced: self.balanced, ..trial };
+        run(&self.robot, None, gait, &trial).unwrap_or_else(|error| fail(&error.to_string()))
+    }
+
+    /// Runs the trials, or with `--quick` one in eight, and prints how many survived.
+    pub fn count(&self, name: &str, trials: impl IntoIterator<Item = (Gait, Trial)>) {
+        let (mut survived, mut of) = (0, 0);
+        let share = if self.quick { 8 } else { 1 };
+        let mut reasons: BTreeMap<String, u32> = BTreeMap::new();
+        // Every eighth, but of each group of eight another, so that no side or phase is left out.
+        for (n, (gait, trial)) in trials.into_iter().enumerate() {
+            if (n + n / 8) % share != 0 {
+                continue;
+            }
+            of += 1;
+            match self.run(&gait, trial).ended {
+                None => survived += 1,
+                Some((_, why)) => *reasons.entry(why).or_default() += 1,
+            }
+        }
+        let reasons: Vec<String> = reasons.iter().map(|(why, n)| format!("{n} × {why}")).collect();
+        let told = if reasons.is_empty() { String::new() } else { format!(" # {}", reasons.join(", ")) };
+        println!("{name} = {survived}/{of}{told}");
+    }
+}
+
+/// A velocity.
+pub fn velocity(forward_m_s: f64, left_m_s: f64, yaw_rad_s: f64) -> Velocity {
+    Velocity { forward_m_s, left_m_s, yaw_rad_s }
+}
+
+/// Pushes of `impulse_n_s` within 0.1 s from four sides at eight phases of a step, both steps, at velocities
+/// `asked`: trials that last three seconds more.
+pub fn pushed(gait: &Gait, impulse_n_s: f64, asked: &[f64], base: &Trial) -> Vec<(Gait, Trial)> {
+    const BEFORE_S: f64 = 2.0;
+    const LASTS_S: f64 = 0.1;
+    const PHASES: u32 = 8;
+    let mut trials = Vec::new();
+    for (n, &forward_m_s) in asked.iter().enumerate() {
+        for (side, (x, y)) in [(0.0, 1.0), (0.0, -1.0), (1.0, 0.0), (-1.0, 0.0)].into_iter().enumerate() {
+            for phase in 0..PHASES {
+                let steps = f64::from(phase) / f64::from(PHASES) + f64::from(phase % 2);
+                let start_s = BEFORE_S + steps * gait.step_duration_s;
+                let force = impulse_n_s / LASTS_S;
+                let mut trial = base.clone();
+                trial.pushes.push(Push { start_s, duration_s: LASTS_S, force_n: [force * x, force * y, 0.0] });
+                trial.seconds = start_s + 3.2;
+                trial.asked = vec![(0.0, velocity(forward_m_s, 0.0, 0.0))];
+                trial.simulator.seed = 1000 + u64::from(phase) + 10 * side as u64 + 100 * n as u64;
+                trials.push((gait.clone(), trial));
+            }
+        }
+    }
+    trials
+}
+
+/// The speed that a gait was planned for, m/s.
+pub fn own_speed(gait: &Gait) -> f64 {
+    gait.step_length_m / gait.step_duration_s
+}
+
+pub fn fail(message: &str) -> ! {
+    eprintln!("bench_robustness: {message}");
+    std::process::exit(1);
+}

@@ -1,0 +1,123 @@
+//! The balanced law in MuJoCo, with noisy sensors and commands that are 2 ms late. `launch-scripts/bench
+//! robustness` makes the whole tables of docs/balance.md; these are some of their cases.
+
+use control::Velocity;
+use gait::Gait;
+use robot::Robot;
+use std::path::Path;
+use tandem_sim_bridge::simulator::{Push, SimulatorOptions, Terrain, Variation};
+use tandem_sim_bridge::trial::{Outcome, Trial, run};
+
+fn walked(trial: &Trial) -> Outcome {
+    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../config/robots/vision60");
+    let gait = Gait::from_json(include_str!("data/amble.json")).unwrap();
+    run(&Robot::load(&folder).unwrap(), None, &gait, trial).unwrap()
+}
+
+fn ahead(forward_m_s: f64) -> Vec<(f64, Velocity)> {
+    vec![(0.0, Velocity { forward_m_s, ..Velocity::default() })]
+}
+
+/// 60 N s at the feet's worst moments; the paper's law falls at half of that.
+#[test]
+fn pushes_that_topple_the_bare_law_are_caught() {
+    let pushed = |impulse_n_s: f64, y: f64, at_s: f64, balanced: bool| {
+        let push = Push { start_s: at_s, duration_s: 0.1, force_n: [0.0, y * impulse_n_s / 0.1, 0.0] };
+        walked(&Trial { seconds: 5.5, pushes: vec![push], asked: ahead(0.35), balanced, ..Trial::default() })
+    };
+    for (y, at_s) in [(1.0, 2.0), (-1.0, 2.1), (1.0, 2.2), (-1.0, 2.3)] {
+        let outcome = pushed(60.0, y, at_s, true);
+        assert!(outcome.survived(), "{y} {at_s}: {:?}", outcome.ended);
+        assert!(outcome.samples.iter().any(|s| s.pace > 1.2), "no step was hurried");
+    }
+    assert!([2.0, 2.1, 2.2, 2.3].iter().any(|&at_s| !pushed(40.0, 1.0, at_s, false).survived()));
+}
+
+#[test]
+fn slopes_ramps_kerbs_and_bumps_that_nobody_announced_are_walked() {
+    let slope = |degrees: f64| Terrain::Slope { uphill_rad: degrees.to_radians(), sideways_rad: 0.1 };
+    for terrain in [
+        slope(10.0),
+        slope(-10.0),
+        Terrain::Ramp { incline_rad: 0.2 },
+        Terrain::Kerb { height_m: 0.05 },
+        Terrain::Rough { height_m: 0.05, cell_m: 0.2 },
+        Terrain::Hills { incline_rad: 0.1, bump_m: 0.03 },
+    ] {
+        let simulator = SimulatorOptions { terrain, ..Trial::default().simulator };
+        let outcome = walked(&Trial { seconds: 10.0, asked: ahead(0.3), simulator, ..Trial::default() });
+        assert!(outcome.survived(), "{terrain:?}: {:?}", outcome.ended);
+    }
+}
+
+#[test]
+fn undisturbed_it_sways_less_than_the_bare_law_and_keeps_its_heading_and_torques() {
+    let balanced = walked(&Trial::default());
+    let bare = walked(&Trial { balanced: false, ..Trial::default() });
+    assert!(balanced.survived() && bare.survived());
+    assert!(balanced.sway_deg.iter().all(|sway| *sway < 0.25), "{:?}", balanced.sway_deg);
+    assert!(balanced.figures.turned_deg.abs() < 2.0, "{}", balanced.figures.turned_deg);
+    let torques = |outcome: &Outcome| -> [f64; 3] { outcome.figures.mean_abs_torque_nm.into() };
+    for (with, without) in torques(&balanced).into_iter().zip(torques(&bare)) {
+        assert!((with / without - 1.0).abs() < 0.05, "{with} N m against {without}");
+    }
+}
+
+/// The estimate beside the truth, and where the robot goes.
+#[test]
+fn it_goes_where_it_is_told_and_knows_where_it_is() {
+    let asked = vec![
+        (0.0, Velocity { forward_m_s: 0.3, ..Velocity::default() }),
+        (4.0, Velocity { left_m_s: 0.15, ..Velocity::default() }),
+        (8.0, Velocity { yaw_rad_s: 0.4, ..Velocity::default() }),
+        (12.0, Velocity::default()),
+    ];
+    let outcome = walked(&Trial { seconds: 14.0, asked: asked.clone(), ..Trial::default() });
+    assert!(outcome.survived(), "{:?}", outcome.ended);
+    for (n, (from_s, v)) in asked.iter().enumerate() {
+        let to_s = asked.get(n + 1).map_or(14.0, |next| next.0);
+        let within: Vec<_> = outcome.samples.iter().filter(|s| (from_s + 1.4..to_s).contains(&s.time_s)).collect();
+        let mean = |of: &dyn Fn(usize) -> f64| (0..within.len()).map(of).sum::<f64>() / within.len() as f64;
+        for (axis, wanted, allowed) in [(0, v.forward_m_s, 0.1), (1, v.left_m_s, 0.05), (2, v.yaw_rad_s, 0.1)] {
+            let got = mean(&|i| within[i].velocity[axis]);
+            assert!((got - wanted).abs() < allowed, "{v:?} axis {axis}: {got}");
+        }
+    }
+    let samples = &outcome.samples;
+    let squares: f64 =
+        samples.iter().map(|s| (0..2).map(|i| (s.estimated[i] - s.velocity[i]).powi(2)).sum::<f64>()).sum();
+    let rms = (squares / samples.len() as f64).sqrt();
+    assert!(rms < 0.05, "velocity's error {rms} m/s");
+    let (first, last) = (samples[0], samples[samples.len() - 1]);
+    let drift = (0..2)
+        .map(|i| ((last.odometry_m[i] - first.odometry_m[i]) - (last.position_m[i] - first.position_m[i])).powi(2))
+        .sum::<f64>()
+        .sqrt();
+    assert!(drift < 0.1, "odometry {drift} m off");
+}
+
+#[test]
+fn a_robot_that_is_not_as_described_is_carried_too() {
+    let plain = Variation::default();
+    for variation in [
+        Variation { payload_kg: 8.0, payload_at_m: [0.1, 0.0, 0.1], ..plain },
+        Variation { mass_scale: 1.2, ..plain },
+        Variation { stiffness_scale: 0.8, ..plain },
+        Variation { torso_shift_m: [0.0, 0.05, 0.0], ..plain },
+    ] {
+        let simulator = SimulatorOptions { variation, ..Trial::default().simulator };
+        let outcome = walked(&Trial { seconds: 8.0, simulator, ..Trial::default() });
+        assert!(outcome.survived(), "{variation:?}: {:?}", outcome.ended);
+    }
+}
+
+#[test]
+fn one_seed_one_trial_to_the_bit() {
+    let end = |seed: u64| {
+        let mut trial = Trial { seconds: 2.0, ..Trial::default() };
+        trial.simulator.seed = seed;
+        walked(&trial).samples.last().unwrap().position_m.map(f64::to_bits)
+    };
+    assert_eq!(end(1), end(1));
+    assert_ne!(end(1), end(2));
+}
