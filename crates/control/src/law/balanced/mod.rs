@@ -212,7 +212,10 @@ impl Balance {
         let change: [f64; JOINTS] = std::array::from_fn(|j| {
             (after.joints_rad[j] - at.joints_rad[j] + (fade_after - fade) * self.fade_rad[j]) / STEP
         });
-        let carried = shape.carried_nm(&now, &at);
+        // It is in the reference as kp⁻¹ times itself, and so its rate is in the law, as the plan's own torque has it.
+        let (carried, carried_after) = (shape.carried_nm(&now, &at), shape.carried_nm(&next, &after));
+        let (kp, kd) = (cycle.gait.kp(self.side()), cycle.gait.kd(self.side()));
+        let lead: [f64; JOINTS] = std::array::from_fn(|j| kd[j] / kp[j] * self.rate_s / STEP);
         self.fastest_s = (0..JOINTS).fold(f64::MAX, |least, j| {
             least.min(VELOCITY_SHARE * cycle.velocity_limit_rad_s[j] / change[j].abs().max(1e-9))
         });
@@ -221,7 +224,9 @@ impl Balance {
         Instant {
             position_rad: std::array::from_fn(|j| at.joints_rad[j] + fade * self.fade_rad[j]),
             velocity_rad_s: change.map(|change| change * self.rate_s),
-            torque_nm: std::array::from_fn(|j| now.torque_nm[j] + carried[j]),
+            torque_nm: std::array::from_fn(|j| {
+                now.torque_nm[j] + carried[j] + lead[j] * (carried_after[j] - carried[j])
+            }),
         }
     }
 
