@@ -2,10 +2,11 @@
 //! What it survives is tested in MuJoCo (nodes/sim_bridge/tests/trial.rs).
 
 use control::balanced::{Balance, BalanceConfig, Cycle};
-use control::{Config, Instant, JOINTS, PreparedGait, Velocity};
-use estimator::{Estimator, Health, Inertial};
+use control::{Config, InertialState, Instant, JOINTS, PreparedGait, Velocity};
+use estimator::{Estimator, Health};
 use gait::Gait;
 use robot::Robot;
+use std::time::Duration;
 
 #[global_allocator]
 static ALLOCATOR: realtime::CountingAllocator = realtime::CountingAllocator;
@@ -55,18 +56,26 @@ impl Bench {
         let half = 0.5 * roll_rad;
         let mut last = None;
         for _ in 0..cycles {
-            let inertial = Inertial {
-                angular_velocity_rad_s: [0.0; 3],
-                specific_force_m_s2: [ahead_m_s2, 9.81 * roll_rad.sin(), 9.81 * roll_rad.cos()],
-                age_s: 0.0,
+            let unit = InertialState {
+                stamp: Duration::ZERO,
+                arrived: Duration::ZERO,
                 attitude_xyzw: Some([half.sin(), 0.0, 0.0, half.cos()]),
+                angular_velocity_rad_s: Some([0.0; 3]),
+                acceleration_m_s2: Some([ahead_m_s2, 9.81 * roll_rad.sin(), 9.81 * roll_rad.cos()]),
             };
             // Velocities of joints that walk at the speed given.
             let at = self.gait.at(memory.side(), memory.phase());
             let velocity = at.velocity_rad_s.map(|v| v * speed_m_s / 0.35);
             let (swings, phase) = (memory.swings(), Some(memory.phase()));
             let joints = (&at.position_rad, &velocity);
-            self.balance.estimate(&mut memory.estimate, joints, Some(inertial), swings, phase, 1e-3);
+            self.balance.estimate(
+                &mut memory.estimate,
+                joints,
+                unit.for_estimator(Duration::ZERO),
+                swings,
+                phase,
+                1e-3,
+            );
             assert_eq!(memory.estimate.health(), Health::Good);
             let cycle = self.cycle(&at.position_rad, &memory.estimate);
             let balance = memory.balance.get_or_insert_with(|| Balance::start(&cycle, true));

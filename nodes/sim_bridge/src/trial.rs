@@ -140,7 +140,7 @@ pub fn run(robot: &Robot, simulated: Option<&Robot>, gait: &Gait, trial: &Trial)
         let time_s = now.as_secs_f64();
         let (joints, inertial) = sensors.read(&simulator, now);
         let asked = trial.asked.iter().take_while(|(from_s, _)| *from_s <= time_s).last().map(|(_, v)| *v);
-        let command = match brain.cycle(&joints, inertial, asked, now) {
+        let command = match brain.cycle(&joints, &inertial, asked, now) {
             Ok(command) => command,
             Err(why) => return Ok(recorder.outcome(Some((time_s, why)))),
         };

@@ -114,6 +114,22 @@ struct Writer<'a> {
 }
 
 impl<'a> Writer<'a> {
+    fn new(of: &'a Robot, options: &SimulatorOptions, meshes: Meshes) -> Self {
+        let robot = of.description.robot();
+        Self {
+            of,
+            robot,
+            colors: robot.materials.iter().filter_map(|m| Some((m.name.as_str(), m.color.as_ref()?.rgba.0))).collect(),
+            toes: of.legs.iter().map(|leg| of.model.frame_name(leg.toe)).collect(),
+            text: options.variation.payload(),
+            meshes,
+            without_ball: Vec::new(),
+            joints_met: HashSet::new(),
+            variation: options.variation,
+            merged: HashMap::new(),
+        }
+    }
+
     /// Moving bodies with a link whose own inertia is none that a body can have. Such links do no harm once they are
     /// part of their body, whose inertia the model has checked.
     fn find_merged(&mut self, root: &'a str) {
@@ -176,12 +192,8 @@ impl<'a> Writer<'a> {
         let before = self.text.len();
         for visual in link.visual.iter().filter(|visual| has_extent(&visual.geometry)) {
             let Some(shape) = shape(&visual.geometry, &mut self.meshes) else { continue };
-            let _ = write!(
-                self.text,
-                r#"<geom class="seen" {shape} {} rgba="{}"/>"#,
-                place(&visual.origin),
-                numbers(&self.color(visual.material.as_ref()))
-            );
+            let (at, rgba) = (place(&visual.origin), numbers(&self.color(visual.material.as_ref())));
+            let _ = write!(self.text, r#"<geom class="seen" {shape} {at} rgba="{rgba}"/>"#);
         }
         if !link.visual.is_empty() && self.text.len() == before {
             self.bones(link);
@@ -327,18 +339,7 @@ pub(super) fn mjcf(of: &Robot, options: &SimulatorOptions, meshes: Meshes) -> Re
         return Err(SimulatorError::Urdf(format!("expected one root link, found {}: {roots:?}", roots.len())));
     };
     let joint_names = of.joint_names();
-    let mut writer = Writer {
-        of,
-        robot,
-        colors: robot.materials.iter().filter_map(|m| Some((m.name.as_str(), m.color.as_ref()?.rgba.0))).collect(),
-        toes: of.legs.iter().map(|leg| of.model.frame_name(leg.toe)).collect(),
-        text: options.variation.payload(),
-        meshes,
-        without_ball: Vec::new(),
-        joints_met: HashSet::new(),
-        variation: options.variation,
-        merged: HashMap::new(),
-    };
+    let mut writer = Writer::new(of, options, meshes);
     writer.find_merged(root);
     writer.link(root, true, writer.merged.get(root).copied().as_ref(), true)?;
     let mut notes: Vec<String> = writer.note_of_toes().into_iter().collect();
@@ -366,7 +367,8 @@ pub(super) fn mjcf(of: &Robot, options: &SimulatorOptions, meshes: Meshes) -> Re
   <map znear="0.01" zfar="60" fogstart="5" fogend="16" shadowclip="1.2" shadowscale="0.7"/>
   <rgba haze="0.87 0.90 0.94 1" fog="0.87 0.90 0.94 1"/>
 </visual>
-<statistic extent="1.5" meansize="0.1"/><default>
+<statistic extent="1.5" meansize="0.1"/>
+<default>
   <geom contype="1" conaffinity="3" friction="{friction} 0.005 0.0001" solref="0.005 1" solimp="0.95 0.99 0.001" condim="3"/>
   <joint type="hinge" damping="0" armature="0"/>
   <default class="seen"><geom contype="0" conaffinity="0" group="1" mass="0"/></default>

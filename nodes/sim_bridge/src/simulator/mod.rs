@@ -497,7 +497,7 @@ impl Simulator {
 
     /// The robot now. Torques and forces are those of the last physics step.
     pub fn state(&self) -> RobotState {
-        let (qpos, qvel, sensors) = (self.data.qpos(), self.data.qvel(), self.data.sensordata());
+        let (qpos, qvel) = (self.data.qpos(), self.data.qvel());
         let (joint_position_rad, joint_velocity_rad_s) = self.joints();
         RobotState {
             step: self.step,
@@ -506,7 +506,7 @@ impl Simulator {
             base_quaternion_xyzw: [qpos[4], qpos[5], qpos[6], qpos[3]],
             base_linear_velocity_world: [qvel[0], qvel[1], qvel[2]],
             base_angular_velocity_body: [qvel[3], qvel[4], qvel[5]],
-            base_specific_force_body: [sensors[0], sensors[1], sensors[2]],
+            base_specific_force_body: self.specific_force_body(),
             joint_position_rad,
             joint_velocity_rad_s,
             joint_torque_nm: self.torque_nm,

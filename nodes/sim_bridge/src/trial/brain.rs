@@ -1,7 +1,7 @@
 //! What walks the robot in a trial.
 
 use control::balanced::{Balance, BalanceConfig, Cycle};
-use control::{Config, JointCommand, JointState, PreparedGait, Velocity};
+use control::{Config, InertialState, JointCommand, JointState, PreparedGait, Velocity};
 use estimator::{Estimator, Health};
 use gait::{Gait, StepSide};
 use robot::{Robot, RobotError};
@@ -56,7 +56,7 @@ impl Brain {
     pub fn cycle(
         &mut self,
         joints: &JointState,
-        inertial: estimator::Inertial,
+        inertial: &InertialState,
         asked: Option<Velocity>,
         now: Duration,
     ) -> Result<JointCommand, String> {
@@ -66,7 +66,8 @@ impl Brain {
         let (side, at) = if self.balanced {
             let swings = self.balance.as_ref().map_or([true, false, false, true], Balance::swings);
             let phase = self.balance.as_ref().map_or(0.0, Balance::phase);
-            self.balance_config.estimate(&mut self.estimate, (q, v), Some(inertial), swings, Some(phase), dt_s);
+            let inertial = inertial.for_estimator(now);
+            self.balance_config.estimate(&mut self.estimate, (q, v), inertial, swings, Some(phase), dt_s);
             if self.estimate.health() != Health::Good {
                 return Err(format!("estimator {}", self.estimate.health().name()));
             }

@@ -2,7 +2,7 @@
 //! velocities.
 
 use crate::simulator::{Random, Simulator};
-use control::JointState;
+use control::{InertialState, JointState};
 use std::time::Duration;
 
 /// How bad the sensors are. The default is a small MEMS unit and 18-bit encoders.
@@ -75,7 +75,7 @@ impl Sensors {
     }
 
     /// What the controller is told at `now`.
-    pub fn read(&mut self, simulator: &Simulator, now: Duration) -> (JointState, estimator::Inertial) {
+    pub fn read(&mut self, simulator: &Simulator, now: Duration) -> (JointState, InertialState) {
         let state = simulator.state();
         let (noise, random) = (self.noise, &mut self.random);
         let position_rad = state.joint_position_rad.map(|q| (q / noise.encoder_rad).round() * noise.encoder_rad);
@@ -99,13 +99,14 @@ impl Sensors {
             temperature_c: None,
             drive_error: [0; 12],
         };
-        let inertial = estimator::Inertial {
-            angular_velocity_rad_s: gyro,
-            specific_force_m_s2: force,
-            age_s: 0.0,
+        let inertial = InertialState {
+            stamp: now,
+            arrived: now,
+            angular_velocity_rad_s: Some(gyro),
+            acceleration_m_s2: Some(force),
             // The trial begins in motion, where one sample of an accelerometer is no vertical.
             attitude_xyzw: first.then(|| simulator.imu_quaternion_xyzw()),
         };
-        (joints.to_resolution(), inertial)
+        (joints.to_resolution(), inertial.to_resolution())
     }
 }
