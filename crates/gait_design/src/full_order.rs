@@ -13,20 +13,19 @@
 //! Redundant rows are left out as in [`crate::DecomposedProgram`]; without the pairing all six rows of a soft touchdown
 //! count.
 
+use crate::Reference;
 use crate::program::{DecomposedProgram, Places, ProgramSettings, STANCE_ROLL, Sink, ValuesSink, three};
-use crate::recompose::{self, PlanPoint};
+use crate::recompose::PlanPoint;
 use crate::request::GaitRequest;
-use crate::{
-    Plan, PlanError, PlanOptions, Reference, SubproblemSolver, WarmStart, between_points, leg_length_m, not_converged,
-    on_slope, program_with_offset, summary,
-};
-use gait::{Coefficients, JOINTS, SecondStep, bezier};
-use nlp::{Bounds, Evaluation, Iteration, NullSpace, Pattern, Problem, SqpSolver, Status, Workspace};
+use gait::{Coefficients, JOINTS, bezier};
+use nlp::{Bounds, Evaluation, Pattern, Problem};
 use rigid_body::{Data, last_point_kinematics, last_point_kinematics_derivatives, rnea, rnea_derivatives};
 use robot::Robot;
-use std::ops::ControlFlow;
 
+mod plan;
 mod start;
+
+pub use plan::plan_full_order;
 
 const DOF: usize = 18;
 /// Room for the unknowns that meet once the equalities are eliminated.
@@ -161,7 +160,7 @@ pub struct FullOrderProgram {
 
 impl FullOrderProgram {
     /// Builds the program, with the bounds of the decomposed one: of a stride on a sideways slope, of a step elsewhere.
-    /// `robot` is [`on_slope`]'s; the request has been validated.
+    /// `robot` is [`crate::on_slope`]'s; the request has been validated.
     pub fn new(
         robot: &Robot,
         request: &GaitRequest,
@@ -807,101 +806,6 @@ pub(crate) fn recomposed(full: &FullOrderProgram, program: &DecomposedProgram, x
     }
     full.mirror_second_step(&mut out);
     out
-}
-
-/// Plans by the full-order program from the decomposed program's guess; its subproblems are solved by elimination
-/// ([`nlp::NullSpace`]), or by Clarabel if `options.subproblem` is [`SubproblemSolver::Sparse`]. On a sideways slope
-/// both steps of the stride are planned; there, and with the reference in the program, the start is the decomposed
-/// program's solution for the same request without that slope, if it has one.
-/// What is planned with such a start is checked between the points as well; the others, there to be compared, are not.
-/// `options.warm_start` has no meaning here.
-///
-/// # Errors
-///
-/// As [`crate::plan`].
-pub fn plan_full_order(
-    robot: &Robot,
-    request: &GaitRequest,
-    options: &PlanOptions,
-    progress: impl FnMut(&Iteration) -> ControlFlow<()>,
-) -> Result<Plan, PlanError> {
-    request.validate(leg_length_m(robot))?;
-    let level = GaitRequest { sideways_slope_rad: 0.0, torso_pitch_rad: 0.0, torso_roll_rad: 0.0, ..request.clone() };
-    let level_robot = &on_slope(robot, &level);
-    let offset = robot.rear_offset_rad().ok();
-    // Of a decomposed program that cannot be, bounds and hips are used alone.
-    let mut decomposed = program_with_offset(level_robot, &level, options.program.clone(), offset.unwrap_or_default())?;
-    // Where the program differs from the decomposed one by its rear legs only, the two start alike, to be compared.
-    let alike = offset.is_some() && request.is_decomposable() && options.reference != Reference::InProgram;
-    let mut program =
-        FullOrderProgram::new(&on_slope(robot, request), request, &options.program, &decomposed, options.reference);
-    let mut start = match (offset, alike) {
-        (None, _) => start::of_four_legs(&program, &decomposed, level_robot, &level)?,
-        (_, true) => start::of_the_guess(&program, &mut decomposed, level_robot, &level)?,
-        _ => start::of_the_plan(&program, &mut decomposed, robot, &level, options)?,
-    };
-    let robot = &on_slope(robot, request);
-    let layout = program.layout;
-    if !alike {
-        program.stay_near(&start);
-    }
-    if !layout.joints_prescribed {
-        // The reference that leads along the start: where the law is to hold, it nearly does.
-        for step in 0..layout.steps {
-            let reference =
-                recompose::compensated_reference(robot, &program.plan_points(&start, step), start[layout.t()]);
-            for j in 0..JOINTS {
-                for k in 0..COEFFICIENTS {
-                    start[layout.alpha(step, k, j)] = reference[j][k];
-                }
-            }
-        }
-    }
-    let solver = SqpSolver::new(options.solver.clone())?;
-    let solution = match options.subproblem {
-        SubproblemSolver::Sparse => solver.solve(&mut program, &start, progress)?,
-        SubproblemSolver::Eliminated | SubproblemSolver::Condensed => {
-            let mut subproblem = NullSpace::<SHARED>::new(options.solver.objective_scale);
-            solver.solve_with(&mut program, &mut subproblem, &start, &mut Workspace::default(), progress)?
-        }
-    };
-    if solution.status != Status::Converged {
-        return Err(not_converged(solution));
-    }
-    let t = solution.x[layout.t()];
-    let summary = summary(&solution);
-    // What is planned of a step: its points, the joints' polynomials and the reference's.
-    let step = |step: usize| {
-        let points = program.plan_points(&solution.x, step);
-        let polynomials: [Coefficients; JOINTS] =
-            std::array::from_fn(|j| std::array::from_fn(|k| solution.x[layout.alpha(step, k, j)]));
-        let (joints, reference) = if layout.joints_prescribed {
-            let reference = match options.reference {
-                Reference::PlannedJoints => polynomials,
-                Reference::Compensated | Reference::InProgram => recompose::compensated_reference(robot, &points, t),
-            };
-            (polynomials, reference)
-        } else {
-            (recompose::fitted_joints(&points), polynomials)
-        };
-        (points, joints, reference)
-    };
-    let (points, joints, reference) = step(0);
-    let (second_points, second_step) = if layout.steps == 2 {
-        let (points, coefficients_rad, reference_coefficients_rad) = step(1);
-        (points, Some(SecondStep { coefficients_rad, reference_coefficients_rad }))
-    } else {
-        (Vec::new(), None)
-    };
-    let mut gait = recompose::gait(robot, joints, t, request, &points, summary, second_step)?;
-    gait.reference_coefficients_rad = reference;
-    if !alike {
-        // Those are to be walked: what holds for every plan of the decomposed program has to hold for them.
-        for points in [&points, &second_points].into_iter().filter(|points| !points.is_empty()) {
-            between_points(robot, request, &gait, points).check(points.len())?;
-        }
-    }
-    Ok(Plan { gait, points, second_points, warm_start: WarmStart(Vec::new()), log: solution.log })
 }
 
 impl FullOrderProgram {

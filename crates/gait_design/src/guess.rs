@@ -12,20 +12,23 @@ use std::f64::consts::PI;
 /// A toe position that a leg cannot reach.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 #[error(
-    "the {leg} leg cannot reach a toe {below_m:.3} m below and {outward_m:.3} m beside the body's middle: ask for another height, half-width or clearance"
+    "the {leg} leg cannot reach a toe {below_m:.3} m below and {outward_m:.3} m beside the body's middle, {ahead_m:+.3} m ahead of its hip: ask for another height, half-width, clearance or step length (speed times step duration)"
 )]
 pub struct Unreachable {
     leg: String,
     below_m: f64,
     outward_m: f64,
+    ahead_m: f64,
 }
 
 impl Unreachable {
-    pub(crate) fn new(robot: &Robot, request: &GaitRequest, leg: usize, toe_z_m: f64) -> Self {
+    /// `toe` is the place out of reach from a hip at `hip_x_m`.
+    pub(crate) fn new(robot: &Robot, request: &GaitRequest, leg: usize, toe: Vector3<f64>, hip_x_m: f64) -> Self {
         Self {
             leg: robot.legs[leg].name.replace('_', " "),
-            below_m: request.height_m - toe_z_m,
+            below_m: request.height_m - toe.z,
             outward_m: request.half_width_m,
+            ahead_m: toe.x - hip_x_m,
         }
     }
 }
@@ -67,9 +70,11 @@ pub fn nominal(robot: &Robot, program: &mut DecomposedProgram, request: &GaitReq
         base[p][2] = request.height_m;
         let swing = glide(request, swing_hip, s, false, true);
         let stance = glide(request, stance_hip, s, true, false);
-        for (is_swing, leg, target) in [(true, swing_leg, swing), (false, stance_leg, stance)] {
+        for (is_swing, leg, target, hip) in
+            [(true, swing_leg, swing, swing_hip), (false, stance_leg, stance, stance_hip)]
+        {
             inverse_kinematics(bipeds, is_swing, &base[p], &mut near, target)
-                .ok_or_else(|| Unreachable::new(robot, request, leg, target.z))?;
+                .ok_or_else(|| Unreachable::new(robot, request, leg, target, hip + length * s))?;
         }
         for j in 0..6 {
             joints[(p, j)] = near[j];

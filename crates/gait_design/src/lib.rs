@@ -20,8 +20,10 @@ mod nearest;
 mod planner;
 mod program;
 mod recompose;
+mod refine;
 mod request;
 mod stability;
+mod tolerance;
 mod verification;
 
 pub use biped::BipedPair;
@@ -38,6 +40,7 @@ pub use request::{
 };
 
 pub use stability::{Complex, Stability, stability};
+pub use tolerance::Tolerances;
 pub use verification::{BetweenPoints, SimulatedPoint, StepComparison, StepLaw, between_points, simulate_planned_step};
 
 use decomposition::Pairing;
@@ -55,7 +58,7 @@ pub struct PlanOptions {
     pub solver: Settings,
     /// How the convex subproblems are solved.
     pub subproblem: SubproblemSolver,
-    /// Start from another gait's solution instead of a guess.
+    /// Start from another gait's solution instead of a guess. A grid of intervals twice or half as long is fitted.
     pub warm_start: Option<WarmStart>,
     /// What the tracking law is to follow.
     pub reference: Reference,
@@ -74,7 +77,7 @@ pub enum Reference {
     InProgram,
 }
 
-/// A plan's solution, to start a like request from. It fits any request to the same robot with as many points.
+/// A plan's solution, to start a like request from. It fits any request to the same robot.
 #[derive(Clone, Debug, PartialEq)]
 pub struct WarmStart(Vec<f64>);
 

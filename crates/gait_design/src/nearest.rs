@@ -1,8 +1,9 @@
 //! What to ask instead: the request nearest to one that cannot be planned, on the straight way from the behaviour's own
 //! values to the asked ones.
 
+use crate::refine::points_of;
 use crate::request::GaitRequest;
-use crate::{Plan, PlanError, PlanOptions, WarmStart, leg_length_m, on_slope, plan, program_of};
+use crate::{Plan, PlanError, PlanOptions, ProgramSettings, WarmStart, leg_length_m, on_slope, plan, program_of};
 use nlp::{Iteration, Problem};
 use robot::Robot;
 use std::collections::BTreeSet;
@@ -182,7 +183,10 @@ fn limits_reached(
         // A full-order plan: its limits are not looked at.
         return Ok(BTreeSet::new());
     }
-    let mut program = program_of(&on_slope(robot, request), request, options.program.clone())?;
+    // A plan on a finer grid than asked for has more unknowns.
+    let points = points_of(x.len()).unwrap_or(options.program.points);
+    let settings = ProgramSettings { points, ..options.program.clone() };
+    let mut program = program_of(&on_slope(robot, request), request, settings)?;
     let mut values = vec![0.0; program.bounds().constraint_lower.len()];
     program.values(x, &mut values);
     let bounds = program.bounds();

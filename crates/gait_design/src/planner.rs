@@ -3,7 +3,9 @@
 use crate::condensed::Condensed;
 use crate::memory::Memory;
 use crate::program::DecomposedProgram;
-use crate::request::GaitRequest;
+use crate::refine::{REFINEMENTS, finer_grid, on_grid};
+use crate::request::{GaitRequest, MOST_POINTS, RequestError};
+use crate::verification::BetweenPoints;
 use crate::{
     Plan, PlanError, PlanOptions, ProgramSettings, Reference, SubproblemSolver, WarmStart, between_points, guess,
     leg_length_m, not_converged, on_slope, plan_full_order, program, program_of, recompose, summary,
@@ -16,7 +18,8 @@ use std::ops::ControlFlow;
 pub struct Planner {
     robot: Robot,
     leg_length_m: f64,
-    prepared: Option<Prepared>,
+    /// The last one used is the last.
+    prepared: Vec<Prepared>,
     condensed: Condensed,
     workspace: nlp::Workspace,
     remembers: bool,
@@ -24,6 +27,8 @@ pub struct Planner {
     rear_follows: bool,
 }
 
+/// Programs kept: one for each grid that a request may be refined on.
+const MOST_PREPARED: usize = REFINEMENTS as usize + 1;
 /// Room for what the equalities leave free at 11 points, 14 and an internal force a point, up to 17 points; beyond, Clarabel solves.
 const SHARED: usize = 32;
 
@@ -44,7 +49,7 @@ impl Planner {
         Self {
             robot: robot.clone(),
             leg_length_m: leg_length_m(robot),
-            prepared: None,
+            prepared: Vec::new(),
             condensed: Condensed::default(),
             workspace: nlp::Workspace::default(),
             remembers: false,
@@ -67,22 +72,55 @@ impl Planner {
         &mut self,
         request: &GaitRequest,
         options: &PlanOptions,
-        progress: impl FnMut(&Iteration) -> ControlFlow<()>,
+        mut progress: impl FnMut(&Iteration) -> ControlFlow<()>,
     ) -> Result<Plan, PlanError> {
         if !self.rear_follows || !request.is_decomposable() || options.reference == Reference::InProgram {
             return plan_full_order(&self.robot, request, options, progress);
         }
+        let mut options = options.clone();
+        let (mut refinements, mut iterations, mut log) = (0..REFINEMENTS, 0, Vec::new());
+        loop {
+            let (plan, between) = self.plan_on_grid(request, &options, &mut progress)?;
+            let kept = between.check(plan.points.len());
+            let finer = finer_grid(options.program.points).filter(|_| kept.is_err() && refinements.next().is_some());
+            if let Some(points) = finer {
+                options.program.points = points;
+                options.warm_start = Some(plan.warm_start);
+                iterations += plan.gait.solver.iterations;
+                log.extend(plan.log);
+                continue;
+            }
+            kept?;
+            log.extend(plan.log);
+            let mut plan = Plan { log, ..plan };
+            plan.gait.solver.iterations += iterations;
+            if options.reference == Reference::PlannedJoints {
+                plan.gait.reference_coefficients_rad = plan.gait.coefficients_rad;
+            }
+            return Ok(plan);
+        }
+    }
+
+    /// A plan on the grid asked for, whatever it does between its points.
+    fn plan_on_grid(
+        &mut self,
+        request: &GaitRequest,
+        options: &PlanOptions,
+        progress: impl FnMut(&Iteration) -> ControlFlow<()>,
+    ) -> Result<(Plan, BetweenPoints), PlanError> {
         let solution = self.solve(request, options, progress)?;
-        let Prepared { robot, program, .. } = self.prepared.as_ref().expect("solving prepares");
+        let Prepared { robot, program, .. } = self.prepared.last().expect("solving prepares");
         let points = recompose::points(robot, program, &solution.x, recompose::BALANCE_TOLERANCE)?;
         let summary = summary(&solution);
         let (x, coefficients) = (&solution.x, recompose::coefficients(program, &solution.x));
         let mut gait = recompose::gait(robot, coefficients, x[program::layout::T], request, &points, summary, None)?;
-        between_points(robot, request, &gait, &points).check(points.len())?;
-        if options.reference == Reference::PlannedJoints {
-            gait.reference_coefficients_rad = gait.coefficients_rad;
+        let mut between = between_points(robot, request, &gait, &points);
+        if between.polynomial_rad > between.tolerances.angle_rad {
+            recompose::fit_stance_rolls(&mut gait.coefficients_rad, &points, gait.step_duration_s);
+            between = between_points(robot, request, &gait, &points);
         }
-        Ok(Plan { gait, points, second_points: Vec::new(), warm_start: WarmStart(solution.x), log: solution.log })
+        let warm_start = WarmStart(solution.x);
+        Ok((Plan { gait, points, second_points: Vec::new(), warm_start, log: solution.log }, between))
     }
 
     /// The program's converged solution. The decomposed program knows no sideways slope; [`Self::plan`] and a library's grid keep
@@ -94,6 +132,7 @@ impl Planner {
         mut progress: impl FnMut(&Iteration) -> ControlFlow<()>,
     ) -> Result<Solution, PlanError> {
         request.validate(self.leg_length_m)?;
+        check_points(options.program.points)?;
         let leg_length_m = self.leg_length_m;
         let remembers = self.remembers;
         let prepared = self.prepare(request, &options.program)?;
@@ -106,9 +145,10 @@ impl Planner {
         let solution = match solution {
             Some(solution) if matches!(solution.status, Status::Converged | Status::Cancelled) => solution,
             _ => {
-                let Prepared { robot, program, .. } = self.prepared.as_mut().expect("just prepared");
-                let start = match &options.warm_start {
-                    Some(WarmStart(x)) => x.clone(),
+                let Prepared { robot, program, .. } = self.prepared.last_mut().expect("just prepared");
+                let fitting = options.warm_start.clone().and_then(|WarmStart(x)| on_grid(x, program.points()));
+                let start = match fitting {
+                    Some(x) => x,
                     None => guess::nominal(robot, program, request)?,
                 };
                 self.solve_from(&start, options, &mut progress)?
@@ -118,7 +158,7 @@ impl Planner {
             return Err(not_converged(solution));
         }
         if remembers {
-            self.prepared.as_mut().expect("just prepared").memory.keep(request, leg_length_m, &solution.x);
+            self.prepared.last_mut().expect("just prepared").memory.keep(request, leg_length_m, &solution.x);
         }
         Ok(solution)
     }
@@ -130,7 +170,7 @@ impl Planner {
         progress: impl FnMut(&Iteration) -> ControlFlow<()>,
     ) -> Result<Solution, PlanError> {
         let solver = SqpSolver::new(options.solver.clone())?;
-        let Prepared { program, .. } = self.prepared.as_mut().expect("the caller has prepared");
+        let Prepared { program, .. } = self.prepared.last_mut().expect("the caller has prepared");
         Ok(match options.subproblem {
             SubproblemSolver::Condensed => {
                 self.condensed.forget();
@@ -145,22 +185,37 @@ impl Planner {
     }
 
     fn prepare(&mut self, request: &GaitRequest, settings: &ProgramSettings) -> Result<&mut Prepared, PlanError> {
-        match &mut self.prepared {
-            Some(p) if p.slope_rad == request.slope_rad && p.settings == *settings => {
-                p.program.ask(&p.robot, request);
+        let fits = |p: &Prepared| p.slope_rad == request.slope_rad && p.settings == *settings;
+        let found = match self.prepared.iter().position(fits) {
+            Some(index) => {
+                let mut prepared = self.prepared.remove(index);
+                prepared.program.ask(&prepared.robot, request);
+                prepared
             }
-            prepared => {
+            None => {
                 let robot = on_slope(&self.robot, request);
                 let program = program_of(&robot, request, settings.clone())?;
-                *prepared = Some(Prepared {
+                if self.prepared.len() == MOST_PREPARED {
+                    self.prepared.remove(0);
+                }
+                Prepared {
                     slope_rad: request.slope_rad,
                     settings: settings.clone(),
                     robot,
                     program,
                     memory: Memory::default(),
-                });
+                }
             }
-        }
-        Ok(self.prepared.as_mut().expect("there is one now"))
+        };
+        self.prepared.push(found);
+        Ok(self.prepared.last_mut().expect("there is one now"))
     }
+}
+
+/// Refuses points that no grid has, before the program is built on them.
+pub(crate) fn check_points(points: usize) -> Result<(), PlanError> {
+    if (5..=MOST_POINTS).contains(&points) && points % 2 == 1 {
+        return Ok(());
+    }
+    Err(RequestError::Points { value: points }.into())
 }

@@ -48,7 +48,7 @@ use layout as at;
 /// Settings of the program that are no part of a request.
 #[derive(Clone, Debug, PartialEq)]
 pub struct ProgramSettings {
-    /// Hermite–Simpson points, 2N + 1: odd, at least 5.
+    /// Hermite–Simpson points, 2N + 1: odd, 5 to 161; more where the plan breaks something between them.
     pub points: usize,
     /// Weight of ‖u‖² over all twelve torques, 1/(N m)². It settles the internal force along the stance diagonal; left out on
     /// any leg, that force builds up and the gait falls.

@@ -87,6 +87,30 @@ pub(crate) fn coefficients(program: &DecomposedProgram, x: &[f64]) -> [Coefficie
     coefficients_rad
 }
 
+/// The stance hip rolls' polynomials once more, nearest to how they move at the points. The program holds a stance
+/// hip roll to its polynomial at four points only, for the distance of the toes determines it (mathematics.md, 5); in
+/// long steps its motion is no polynomial, and one through the ends is nearer than one through four accelerations.
+pub(crate) fn fit_stance_rolls(coefficients_rad: &mut [Coefficients; JOINTS], points: &[PlanPoint], t: f64) {
+    let (first, last) = (&points[0], &points[points.len() - 1]);
+    for leg in [1, 2] {
+        let j = 3 * leg;
+        let c = &mut coefficients_rad[j];
+        let degree = bezier::DEGREE as f64;
+        *c = [0.0; 6];
+        (c[0], c[5]) = (first.q[6 + j], last.q[6 + j]);
+        (c[1], c[4]) = (c[0] + first.v[6 + j] * t / degree, c[5] - last.v[6 + j] * t / degree);
+        let (mut normal, mut right) = (nalgebra::Matrix2::zeros(), nalgebra::Vector2::zeros());
+        for point in points {
+            let basis = bezier::basis(point.phase);
+            let inner = nalgebra::Vector2::new(basis[2], basis[3]);
+            normal += inner * inner.transpose();
+            right += inner * (point.q[6 + j] - bezier::combine(c, &basis));
+        }
+        let inner = normal.try_inverse().expect("two of the basis differ on five points") * right;
+        (c[2], c[3]) = (inner[0], inner[1]);
+    }
+}
+
 /// The gait of a solution.
 pub(crate) fn gait(
     robot: &Robot,

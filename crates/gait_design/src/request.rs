@@ -55,6 +55,9 @@ const TABLE_I: [(&str, f64, f64, f64); 5] = [
     ("amble", 2.83, 0.13, 0.35),
 ];
 
+/// More points than any plan needs: its solve would take seconds.
+pub(crate) const MOST_POINTS: usize = 161;
+
 /// Friction the plans may use; the floor should offer more.
 const FRICTION: f64 = 0.6;
 
@@ -76,6 +79,12 @@ pub enum RequestError {
     UnknownBehaviour {
         /// What was asked for.
         name: String,
+    },
+    /// Points that no Hermite–Simpson grid has.
+    #[error("points is {value}, expected an odd number from 5 to {}", MOST_POINTS)]
+    Points {
+        /// What was asked for.
+        value: usize,
     },
     /// A value out of its range.
     #[error("{field} is {value}, expected {lower} to {upper} {unit}")]

@@ -4,6 +4,7 @@
 use crate::PlanError;
 use crate::recompose::PlanPoint;
 use crate::request::GaitRequest;
+use crate::tolerance::Tolerances;
 use decomposition::simulation::{Contacts, Options, State, simulate_phase};
 use decomposition::{ContactDynamics, DynamicsError};
 use gait::{Gait, JOINTS, StepSide, bezier};
@@ -26,6 +27,10 @@ pub struct StepComparison {
     pub landing_height_m: [f64; 2],
     /// The stance legs.
     pub stance_legs: [usize; 2],
+    /// What counts as following the plan.
+    pub tolerances: Tolerances,
+    /// The robot's weight, N.
+    pub weight_n: f64,
     /// The simulated step, five times finer than the plan's points.
     pub simulated: Vec<SimulatedPoint>,
 }
@@ -43,6 +48,9 @@ pub struct SimulatedPoint {
 
 /// Proportional and derivative gains of the linearised outputs, 1/s² and 1/s.
 const OUTPUT_GAINS: (f64, f64) = (900.0, 60.0);
+
+/// How much finer than the plan's points a simulated step is kept.
+const SIMULATED_FINER: usize = 5;
 
 /// The law under which a planned step is simulated.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -70,8 +78,7 @@ pub fn simulate_planned_step(
     let (side, legs, swing) = step_of(points);
     let [stance, swing] = [legs, swing].map(|legs| legs.map(|leg| robot.legs[leg].toe));
     let start = State { time_s: 0.0, q: points[0].q.to_vec(), v: points[0].v.to_vec() };
-    const FINER: usize = 5;
-    let instants = FINER * (points.len() - 1);
+    let instants = SIMULATED_FINER * (points.len() - 1);
     let times: Vec<f64> = (0..=instants).map(|k| k as f64 / instants as f64 * t).collect();
     let mut data = Data::new(model);
     let mut dynamics = ContactDynamics::new(model, stance.len());
@@ -123,6 +130,8 @@ pub fn simulate_planned_step(
         normal_force_error: 0.0,
         landing_height_m: [0.0; 2],
         stance_legs: legs,
+        tolerances: Tolerances::of_gait(robot, gait),
+        weight_n: model.total_mass() * model.gravity.norm(),
         simulated: Vec::with_capacity(times.len()),
     };
     // The start is the first state unless it was asked for.
@@ -135,7 +144,6 @@ pub fn simulate_planned_step(
             normal_force_n: solution.normal_force,
         });
     }
-    let weight = model.total_mass() * model.gravity.norm();
     for point in points {
         let time = point.phase * t;
         let (state, simulated) = (states.iter().zip(&comparison.simulated))
@@ -148,7 +156,7 @@ pub fn simulate_planned_step(
         comparison.body_orientation_error_rad = comparison.body_orientation_error_rad.max(largest(3..6));
         comparison.joint_error_rad = comparison.joint_error_rad.max(largest(6..18));
         for (force, leg) in forces.into_iter().zip(legs) {
-            let error = (force - point.ground_force_n[leg][2]).abs() / weight;
+            let error = (force - point.ground_force_n[leg][2]).abs() / comparison.weight_n;
             comparison.normal_force_error = comparison.normal_force_error.max(error);
         }
     }
@@ -225,12 +233,12 @@ fn linearise(
 }
 
 impl StepComparison {
-    /// Whether the full-order step follows the plan: joints within 1e-3 rad, normal forces within 1 % of the weight, and
-    /// the swing toes within 2 mm of the floor when the step ends.
+    /// Whether the full-order step follows the plan: joints and normal forces within their tolerances, and so the
+    /// swing toes' heights above the floor when the step ends.
     pub fn follows_plan(&self) -> bool {
-        self.joint_error_rad <= 1e-3
-            && self.normal_force_error <= 0.01
-            && self.landing_height_m.iter().all(|h| h.abs() <= 2e-3)
+        self.joint_error_rad <= self.tolerances.angle_rad
+            && self.normal_force_error * self.weight_n <= self.tolerances.force_n
+            && self.landing_height_m.iter().all(|h| h.abs() <= self.tolerances.length_m)
     }
 }
 
@@ -247,19 +255,20 @@ pub struct BetweenPoints {
     pub joint_range_rad: f64,
     /// How far a joint is from its polynomial, rad.
     pub polynomial_rad: f64,
-    /// How much faster than its limit a joint moves, rad/s.
-    pub joint_velocity_rad_s: f64,
-    /// How far a torque is above its bound, N m.
-    pub torque_nm: f64,
+    /// How much faster than its limit a joint moves, rad/s: hip roll, hip pitch, knee.
+    pub joint_velocity_rad_s: [f64; 3],
+    /// How far a torque is above its bound, N m: hip roll, hip pitch, knee.
+    pub torque_nm: [f64; 3],
     /// How far a ground force is outside its friction pyramid or below its smallest normal force, N.
     pub ground_force_n: f64,
     /// Force or moment by which the base is out of balance, N or N m.
     pub imbalance: f64,
+    /// What counts as kept.
+    pub tolerances: Tolerances,
 }
 
 impl BetweenPoints {
-    /// Whether the plan may be walked: limits of the robot are kept to a few per mille of the Vision 60's, and stance toes stay
-    /// within a millimetre.
+    /// Whether the plan may be walked: all within the tolerances.
     pub fn is_kept(&self) -> bool {
         self.broken().is_empty()
     }
@@ -270,26 +279,29 @@ impl BetweenPoints {
         if broken.is_empty() {
             return Ok(());
         }
-        Err(PlanError::Unverified(format!(
-            "between the program's {points} points {}; plan with more points",
-            broken.join(", ")
-        )))
+        Err(PlanError::Unverified(format!("between the program's {points} points {}", broken.join(", "))))
     }
 
     /// What is broken, each with its amount and what is allowed. Written so that NaN counts as broken.
     pub fn broken(&self) -> Vec<String> {
+        let t = &self.tolerances;
+        let [roll, pitch, knee] = [0, 1, 2];
         [
-            ("stance toes slip", self.stance_slip_m, 1e-3, "m"),
-            ("swing toes are below the floor", self.swing_below_floor_m, 2e-3, "m"),
-            ("joints leave their range", self.joint_range_rad, 5e-3, "rad"),
-            ("joints depart from their polynomials", self.polynomial_rad, 5e-3, "rad"),
-            ("joints are too fast", self.joint_velocity_rad_s, 0.2, "rad/s"),
-            ("torques are too large", self.torque_nm, 1.0, "N m"),
-            ("ground forces leave their limits", self.ground_force_n, 2.0, "N"),
+            ("stance toes slip", self.stance_slip_m, t.length_m, "m"),
+            ("swing toes are below the floor", self.swing_below_floor_m, t.length_m, "m"),
+            ("joints leave their range", self.joint_range_rad, t.angle_rad, "rad"),
+            ("joints depart from their polynomials", self.polynomial_rad, t.angle_rad, "rad"),
+            ("hip rolls are too fast", self.joint_velocity_rad_s[roll], t.velocity_rad_s[roll], "rad/s"),
+            ("hip pitches are too fast", self.joint_velocity_rad_s[pitch], t.velocity_rad_s[pitch], "rad/s"),
+            ("knees are too fast", self.joint_velocity_rad_s[knee], t.velocity_rad_s[knee], "rad/s"),
+            ("hip roll torques are too large", self.torque_nm[roll], t.torque_nm[roll], "N m"),
+            ("hip pitch torques are too large", self.torque_nm[pitch], t.torque_nm[pitch], "N m"),
+            ("knee torques are too large", self.torque_nm[knee], t.torque_nm[knee], "N m"),
+            ("ground forces leave their limits", self.ground_force_n, t.force_n, "N"),
         ]
         .into_iter()
         .filter(|(_, amount, allowed, _)| amount.is_nan() || amount > allowed)
-        .map(|(what, amount, allowed, unit)| format!("{what} by {amount:.1e} {unit} (at most {allowed:.0e})"))
+        .map(|(what, amount, allowed, unit)| format!("{what} by {amount:.2e} {unit} (at most {allowed:.2e})"))
         .collect()
     }
 }
@@ -299,7 +311,8 @@ pub fn between_points(robot: &Robot, request: &GaitRequest, gait: &Gait, points:
     const FINER: usize = 10;
     let model = &robot.model;
     let mut data = Data::new(model);
-    let mut worst = BetweenPoints::default();
+    let mut worst =
+        BetweenPoints { tolerances: Tolerances::of(robot, request.torque_limit_nm), ..BetweenPoints::default() };
     let t = gait.step_duration_s;
     let h = 2.0 * t / (points.len() - 1) as f64;
     let normal_force_min_n = crate::ProgramSettings::default().normal_force_min_share * model.total_mass() * 9.81;
@@ -347,8 +360,8 @@ pub fn between_points(robot: &Robot, request: &GaitRequest, gait: &Gait, points:
                 let outside = (leg.position_min_rad[k] - q[6 + j]).max(q[6 + j] - leg.position_max_rad[k]);
                 raise(&mut worst.joint_range_rad, outside);
                 raise(&mut worst.polynomial_rad, (q[6 + j] - planned[j]).abs());
-                raise(&mut worst.joint_velocity_rad_s, v[6 + j].abs() - robot.limits.velocity_rad_s[k]);
-                raise(&mut worst.torque_nm, tau[j].abs() - request.torque_limit_nm[k]);
+                raise(&mut worst.joint_velocity_rad_s[k], v[6 + j].abs() - robot.limits.velocity_rad_s[k]);
+                raise(&mut worst.torque_nm[k], tau[j].abs() - request.torque_limit_nm[k]);
             }
             for (_, f) in forces {
                 let needed = f.x.abs().max(f.y.abs()) - face * f.z;

@@ -72,6 +72,10 @@ pub struct Arguments {
     /// Torque bound of every joint, N m
     #[arg(long, value_name = "NM", allow_negative_numbers = true)]
     torque_limit: Option<f64>,
+    /// Hermite–Simpson points of the program, odd, 5 to 161. A solution that breaks something between its points is
+    /// solved again with every interval halved, up to twice
+    #[arg(long, value_name = "N", default_value_t = 11)]
+    points: usize,
     /// What the tracking law follows
     #[arg(long, value_enum, default_value_t = ReferenceArgument::Compensated)]
     reference: ReferenceArgument,
@@ -136,7 +140,7 @@ pub fn run(arguments: &Arguments) -> Result<ExitCode> {
         std::fs::create_dir_all(&folder).with_context(|| format!("cannot make the folder {}", folder.display()))?;
     }
     if !arguments.json {
-        say!("gait     iterations   time s         cost    violation       T s  file")?;
+        say!("gait     iterations   time s         cost    violation       T s  points  file")?;
     }
     let mut followed = true;
     for name in names {
@@ -152,7 +156,7 @@ pub fn run(arguments: &Arguments) -> Result<ExitCode> {
 /// Plans one gait, writes it and tells of it. Whether the model follows it.
 fn one(arguments: &Arguments, robot: &robot::Robot, name: &str, file: Option<&Path>) -> Result<bool> {
     let request = arguments.request(name, robot)?;
-    let plan = timed(robot, &request, arguments.reference.into(), arguments.verbose)?;
+    let plan = timed(robot, &request, arguments, arguments.verbose)?;
     let solver = &plan.gait.solver;
     if let Some(file) = file {
         output::write_file(file, plan.gait.to_json().as_bytes())?;
@@ -165,17 +169,19 @@ fn one(arguments: &Arguments, robot: &robot::Robot, name: &str, file: Option<&Pa
         output::json(&serde_json::json!({
             "gait": name, "iterations": solver.iterations, "solve_time_s": solver.solve_time_s, "cost": solver.objective,
             "violation": solver.max_violation, "step_duration_s": plan.gait.step_duration_s, "file": file,
+            "points": plan.points.len(),
             "verified": verified.as_ref().map(|steps| steps.iter().map(Verified::json).collect::<Vec<_>>()),
             "stability": stable.as_ref().map(Stable::json),
         }))?;
     } else {
         say!(
-            "{name:8} {:>10} {:>8.3} {:>12.6} {:>12.1e} {:>9.4}  {}",
+            "{name:8} {:>10} {:>8.3} {:>12.6} {:>12.1e} {:>9.4} {:>7}  {}",
             solver.iterations,
             solver.solve_time_s,
             solver.objective,
             solver.max_violation,
             plan.gait.step_duration_s,
+            plan.points.len(),
             file.map_or_else(|| "not written: give -o FILE".into(), output::shown)
         )?;
         let lines = verified.iter().flatten().map(Verified::text).chain(stable.iter().map(Stable::text));
@@ -199,7 +205,7 @@ fn table(arguments: &Arguments, robot: &robot::Robot) -> Result<()> {
         let request = arguments.request(row.behaviour, robot)?;
         let mut best: Option<Plan> = None;
         for _ in 0..TIMES {
-            let plan = timed(robot, &request, arguments.reference.into(), false)?;
+            let plan = timed(robot, &request, arguments, false)?;
             if best.as_ref().is_none_or(|b| plan.gait.solver.solve_time_s < b.gait.solver.solve_time_s) {
                 best = Some(plan);
             }
@@ -274,7 +280,7 @@ impl Arguments {
 }
 
 /// Plans and states the wall time.
-fn timed(robot: &robot::Robot, request: &GaitRequest, reference: Reference, verbose: bool) -> Result<Plan> {
+fn timed(robot: &robot::Robot, request: &GaitRequest, arguments: &Arguments, verbose: bool) -> Result<Plan> {
     let start = Instant::now();
     let progress = Progress::begin(&format!("planning {}", request.behaviour));
     let mut unwritable = None;
@@ -295,7 +301,8 @@ fn timed(robot: &robot::Robot, request: &GaitRequest, reference: Reference, verb
         unwritable = told.err();
         if unwritable.is_none() { ControlFlow::Continue(()) } else { ControlFlow::Break(()) }
     };
-    let options = PlanOptions { reference, ..PlanOptions::default() };
+    let mut options = PlanOptions { reference: arguments.reference.into(), ..PlanOptions::default() };
+    options.program.points = arguments.points;
     let planned = gait_design::plan_or_nearest(robot, request, &options, report, || start.elapsed() < SEARCH_LIMIT);
     if let Some(unwritable) = unwritable {
         return Err(unwritable.into());

@@ -169,6 +169,20 @@ fn relative_paths_are_searched_alike_for_every_option() {
 }
 
 #[test]
+fn a_plan_that_eleven_points_cannot_hold_says_how_many_it_took_and_is_verified() {
+    let place = Place::new();
+    let told: Value = serde_json::from_str(&place.succeeds("tandem plan amble --speed 0.5 --verify --json")).unwrap();
+    assert_eq!(told["points"], 21, "{told}");
+    assert_eq!(told["verified"][0]["follows_plan"], true, "{told}");
+    assert_eq!(told["verified"][0]["between_points"]["kept"], true, "{told}");
+    let asked: Value = serde_json::from_str(&place.succeeds("tandem plan amble --points 31 --json")).unwrap();
+    assert_eq!(asked["points"], 31, "{asked}");
+    let refused = place.run("tandem plan amble --points 12");
+    let errors = String::from_utf8_lossy(&refused.stderr);
+    assert!(refused.status.code() == Some(1) && errors.contains("points is 12, expected an odd number"), "{errors}");
+}
+
+#[test]
 fn every_command_that_reports_does_so_in_json_and_says_null_for_what_it_does_not_know() {
     let place = Place::new();
     let lines = |line: &str| -> Vec<Value> {

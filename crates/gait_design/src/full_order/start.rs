@@ -54,9 +54,11 @@ pub(super) fn of_four_legs(
     for (p, &phase) in phases.iter().enumerate() {
         for leg in 0..4 {
             let is_stance = STANCE.contains(&leg);
-            let target = glide(request, decomposed.bipeds().hip_x_m(leg), phase, is_stance, leg < 2);
+            let hip_x_m = decomposed.bipeds().hip_x_m(leg);
+            let target = glide(request, hip_x_m, phase, is_stance, leg < 2);
             let found = inverse_kinematics(robot, &mut data, leg, base(request, phase), &near, target);
-            let found = found.ok_or_else(|| Unreachable::new(robot, request, leg, target.z))?;
+            let ahead_m = request.speed_m_s * request.step_duration_s * phase;
+            let found = found.ok_or_else(|| Unreachable::new(robot, request, leg, target, hip_x_m + ahead_m))?;
             near[3 * leg..3 * leg + 3].copy_from_slice(&found);
         }
         joints.row_mut(p).copy_from_slice(&near);

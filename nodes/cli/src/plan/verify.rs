@@ -42,8 +42,8 @@ impl Verified {
             b.polynomial_rad,
             b.imbalance,
             b.joint_range_rad,
-            b.joint_velocity_rad_s,
-            b.torque_nm,
+            b.joint_velocity_rad_s.into_iter().fold(0.0, f64::max),
+            b.torque_nm.into_iter().fold(0.0, f64::max),
             b.ground_force_n
         );
         text
@@ -59,7 +59,8 @@ impl Verified {
             "between_points": {
                 "kept": b.is_kept(), "stance_slip_m": b.stance_slip_m, "swing_below_floor_m": b.swing_below_floor_m,
                 "polynomial_rad": b.polynomial_rad, "imbalance": b.imbalance, "joint_range_rad": b.joint_range_rad,
-                "joint_velocity_rad_s": b.joint_velocity_rad_s, "torque_nm": b.torque_nm, "ground_force_n": b.ground_force_n,
+                "joint_velocity_rad_s": b.joint_velocity_rad_s.into_iter().fold(0.0, f64::max),
+                "torque_nm": b.torque_nm.into_iter().fold(0.0, f64::max), "ground_force_n": b.ground_force_n,
             },
         })
     }
