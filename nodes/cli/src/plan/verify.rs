@@ -42,8 +42,8 @@ impl Verified {
             b.polynomial_rad,
             b.imbalance,
             b.joint_range_rad,
-            b.joint_velocity_rad_s.into_iter().fold(0.0, f64::max),
-            b.torque_nm.into_iter().fold(0.0, f64::max),
+            largest(b.joint_velocity_rad_s),
+            largest(b.torque_nm),
             b.ground_force_n
         );
         text
@@ -59,8 +59,8 @@ impl Verified {
             "between_points": {
                 "kept": b.is_kept(), "stance_slip_m": b.stance_slip_m, "swing_below_floor_m": b.swing_below_floor_m,
                 "polynomial_rad": b.polynomial_rad, "imbalance": b.imbalance, "joint_range_rad": b.joint_range_rad,
-                "joint_velocity_rad_s": b.joint_velocity_rad_s.into_iter().fold(0.0, f64::max),
-                "torque_nm": b.torque_nm.into_iter().fold(0.0, f64::max), "ground_force_n": b.ground_force_n,
+                "joint_velocity_rad_s": largest(b.joint_velocity_rad_s),
+                "torque_nm": largest(b.torque_nm), "ground_force_n": b.ground_force_n,
             },
         })
     }
@@ -164,5 +164,19 @@ impl Stable {
             "map": self.map, "spectral_radius": s.spectral_radius(), "stable": s.is_stable(),
             "multipliers": parts(&s.multipliers), "neutral": parts(&s.neutral),
         })
+    }
+}
+
+/// The largest of three excesses; one that is no number is told, and not passed over.
+fn largest(excesses: [f64; 3]) -> f64 {
+    excesses.into_iter().fold(0.0, |most, one| if one.is_nan() || one > most { one } else { most })
+}
+
+#[cfg(test)]
+mod tests {
+    #[test]
+    fn an_excess_that_is_no_number_is_not_passed_over() {
+        assert_eq!(super::largest([0.0, 2.0, 1.0]), 2.0);
+        assert!(super::largest([f64::NAN, 2.0, 1.0]).is_nan() && super::largest([1.0, 2.0, f64::NAN]).is_nan());
     }
 }

@@ -44,10 +44,6 @@ pub struct BalanceConfig {
     pub position_gain_s: f64,
     /// Largest commanded speed ahead, backward and to a side, m/s, and turning, rad/s.
     pub velocity_limit: VelocityLimit,
-    /// An error beyond this has lost its balance, of z0.
-    pub lost_share: f64,
-    /// Without good inertial data for longer than this it stops, s.
-    pub blind_s: f64,
 }
 
 /// Largest commanded velocities.
@@ -97,8 +93,6 @@ impl BalanceConfig {
                 lateral_m_s: 0.15 * speed_m_s,
                 yaw_rad_s: 1.0,
             },
-            lost_share: 1.2,
-            blind_s: 0.05,
         })
     }
 
@@ -129,8 +123,6 @@ impl BalanceConfig {
             ("balance.velocity_limit.backward_m_s", limit.backward_m_s, 0.0, 10.0),
             ("balance.velocity_limit.lateral_m_s", limit.lateral_m_s, 0.0, 10.0),
             ("balance.velocity_limit.yaw_rad_s", limit.yaw_rad_s, 0.0, 10.0),
-            ("balance.lost_share", self.lost_share, 0.1, 10.0),
-            ("balance.blind_s", self.blind_s, 0.001, 1.0),
         ]
         .into_iter()
         // Written so that NaN is named too.
