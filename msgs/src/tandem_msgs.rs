@@ -70,6 +70,12 @@ messages! { "tandem_msgs";
         inertial_angular_velocity: Vec<f64>,
         /// Along the base's axes, m/s², gravity included, or none.
         inertial_acceleration: Vec<f64>,
+        /// The velocity command that the cycle before saw holds still, and the lists are empty.
+        velocity_held: bool,
+        /// Age of the velocity command's coming in, ns; none where nobody asked for a velocity.
+        velocity_age_ns: Vec<i64>,
+        /// Ahead, to the left, m/s, and turning, rad/s, or none.
+        velocity: Vec<f64>,
     }
     /// How the optimisation of a gait ended.
     SolverReport {

@@ -1,5 +1,6 @@
 //! What the controller has to know of the robot, and its thresholds: plain data, checked once.
 
+use crate::balance_config::BalanceConfig;
 use crate::{JOINTS, STILL_RAD};
 use nalgebra::{Matrix3, Matrix3x4, Vector3};
 use rigid_body::{Data, center_of_mass, frame_position, rnea};
@@ -110,6 +111,9 @@ pub struct Config {
     pub over_temperature_c: f64,
     /// Joints slower than this count as at rest, rad/s.
     pub rest_velocity_rad_s: f64,
+    /// The balanced law, which is walked where an inertial unit is heard; none: the paper's law.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub balance: Option<BalanceConfig>,
 }
 
 /// A value of the configuration that cannot be.
@@ -181,6 +185,7 @@ impl Config {
             hot_c: 80.0,
             over_temperature_c: 95.0,
             rest_velocity_rad_s: 1.0,
+            balance: None,
         }
     }
 
@@ -218,6 +223,7 @@ impl Config {
                 return refuse(key, format!("is {value}, expected {low} to {high}"));
             }
         }
+        self.balance.as_ref().and_then(BalanceConfig::problem).map_or(Ok(()), |(key, why)| refuse(key, why))?;
         for j in 0..JOINTS {
             let name = &self.joint_names[j];
             let (low, high) = (self.position_min_rad[j], self.position_max_rad[j]);

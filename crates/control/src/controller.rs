@@ -1,5 +1,6 @@
 //! The controller: one pure step from what was measured and asked to what is sent.
 
+use crate::law::Law;
 use crate::limits::Limits;
 use crate::memory::Snapshot;
 use crate::motion::Progress;
@@ -78,7 +79,9 @@ impl Controller {
         for (reply, request) in replies.iter_mut().zip(input.requests) {
             *reply = Some(self.request(*request, now));
         }
+        self.memory.ask_velocity(&self.config, input, now);
         self.progress(now, dt_s);
+        self.balance(now, dt_s);
         let torque_nm = self.command(now, dt_s);
         self.output(torque_nm, replies, input.requests.len().saturating_sub(MAX_REQUESTS))
     }
@@ -97,8 +100,8 @@ impl Controller {
         let is_new = self.memory.watch.take(&self.config, self.mode(), input.joints, &mut found);
         self.latch_found(&found, now);
         if is_new {
-            let Snapshot { day, motion, command, .. } = &self.memory;
-            let expected = motion.expected(&self.config, now);
+            let Snapshot { day, command, .. } = &self.memory;
+            let expected = self.memory.expected(&self.config, now);
             let seen = Seen::new(&self.config, day.mode, expected, command.position_rad, now, dt_s);
             let mut found = Found::default();
             self.memory.watch.watch_joints(&seen, &mut found);
@@ -108,6 +111,8 @@ impl Controller {
         }
         let mut found = Found::default();
         watch_inertial(&self.config, self.mode(), input.inertial.as_ref(), &mut found);
+        self.memory.estimate_base(&self.config, input, now, dt_s);
+        self.memory.watch_estimate(&self.config, &mut found);
         self.latch_found(&found, now);
         dt_s
     }
@@ -162,6 +167,7 @@ impl Controller {
             any_fault: !day.faults.is_empty(),
             emergency_stop: day.emergency_stop,
             start_on_gait_allowed: self.config.simulation_start,
+            estimate_usable: self.memory.estimate_is_usable(&self.config),
         }
     }
 
@@ -185,11 +191,16 @@ impl Controller {
     fn enter(&mut self, from: Mode, event: Event, now: Duration) {
         // In torque mode the command carries no gains: what goes on from here is the motion's setpoint.
         let setpoint = self.setpoint(now);
+        if (self.mode(), from) == (Mode::Standing, Mode::Stopping) {
+            // Where the new step begins is where the walk comes to rest from.
+            self.memory.walk_in_balance(&self.config, now, 0.0);
+        }
         let Self { config, memory } = self;
-        let Snapshot { day, watch, motion, limits, command, .. } = memory;
+        let Snapshot { day, watch, motion, law, limits, command, .. } = memory;
         match (day.mode, from) {
             (Mode::Disarmed | Mode::Damping | Mode::Fault, _) => {
                 motion.let_go();
+                *law = Law::Paper;
                 watch.let_go();
                 limits.let_go();
             }
@@ -201,12 +212,21 @@ impl Controller {
             }
             // The posture is reached: its ramp goes on holding it.
             (Mode::Standing, Mode::StandingUp) => {}
-            (Mode::Standing, Mode::Stopping) => motion.come_to_rest(config, now),
+            (Mode::Standing, Mode::Stopping) => {
+                motion.come_to_rest(law, config, now);
+                *law = Law::Paper;
+            }
             (Mode::Standing, _) => motion.stand(config, setpoint, now),
             (Mode::Starting, _) => motion.start(config, setpoint, now),
             (Mode::Walking, _) => match event {
-                Event::StartOnGait => motion.walk_at_once(now),
-                Event::PostureReached => motion.walk_out_of_standing(now),
+                Event::StartOnGait => {
+                    motion.walk_at_once(now);
+                    memory.begin_law(config, now, true);
+                }
+                Event::PostureReached => {
+                    motion.walk_out_of_standing(now);
+                    memory.begin_law(config, now, false);
+                }
                 // Out of stopping: the gait goes on.
                 _ => {}
             },
@@ -240,6 +260,14 @@ impl Controller {
                 }
             }
         }
+    }
+
+    /// The balanced law, where it is walked, and whether it can go on.
+    fn balance(&mut self, now: Duration, dt_s: f64) {
+        self.memory.walk_in_balance(&self.config, now, dt_s);
+        let mut found = Found::default();
+        self.memory.watch_balance(&self.config, &mut found);
+        self.latch_found(&found, now);
     }
 
     // ── what is sent ────────────────────────────────────────────────────────────────────────────────────────────────
@@ -287,6 +315,7 @@ impl Controller {
         requests_refused_unseen: usize,
     ) -> Output {
         let Snapshot { day, watch, motion, command, cycles, stale_inputs, .. } = &self.memory;
+        let (estimate, balance) = self.memory.balance_told(&self.config);
         let q = watch.joints.map_or([0.0; JOINTS], |s| s.position_rad);
         Output {
             command: *command,
@@ -306,6 +335,8 @@ impl Controller {
                 [0.0; JOINTS]
             },
             torque_nm,
+            estimate,
+            balance,
             cycles: *cycles,
             stale_inputs: *stale_inputs,
         }

@@ -36,6 +36,10 @@ pub enum Fault {
     InternalError,
     /// Another program commands the same robot.
     SecondController,
+    /// Walking in balance, there was no good estimate of the base for longer than allowed.
+    EstimateLost,
+    /// Walking in balance, steps could not be placed or hurried as they should have been for longer than allowed.
+    BalanceLost,
 }
 
 /// What a fault does to a moving robot.
@@ -49,7 +53,7 @@ pub enum Severity {
 
 impl Fault {
     /// Every fault.
-    pub const ALL: [Self; 16] = [
+    pub const ALL: [Self; 18] = [
         Self::InvalidInput,
         Self::PositionOutOfRange,
         Self::VelocityOutOfRange,
@@ -66,6 +70,8 @@ impl Fault {
         Self::ClockJump,
         Self::InternalError,
         Self::SecondController,
+        Self::EstimateLost,
+        Self::BalanceLost,
     ];
 
     /// The name by which it is shown and cleared.
@@ -87,6 +93,8 @@ impl Fault {
             Self::Overrun => "overrun",
             Self::ClockJump => "clock_jump",
             Self::InternalError => "internal_error",
+            Self::EstimateLost => "estimate_lost",
+            Self::BalanceLost => "balance_lost",
         }
     }
 
@@ -103,14 +111,14 @@ impl Fault {
         }
     }
 
-    fn bit(self) -> u16 {
+    fn bit(self) -> u32 {
         1 << self as u8
     }
 }
 
 /// The faults that are latched.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
-pub struct FaultSet(u16);
+pub struct FaultSet(u32);
 
 impl FaultSet {
     /// None.
@@ -190,6 +198,8 @@ impl FaultReport {
             Fault::SecondController => ("commands of somebody else", "stop the other controller of this robot"),
             Fault::Overrun => ("s between two cycles", "give the controller real-time rights (docs/hardware.md)"),
             Fault::ClockJump => ("s", "restart the controller after the clock or the simulation"),
+            Fault::EstimateLost => ("s without a good estimate", "look for an inertial unit that is silent or wrong"),
+            Fault::BalanceLost => ("s at the balance's limits", "look for what pushed the robot, and put it level"),
             Fault::InternalError => ("", "please report this with the run's bag"),
         };
         format!(

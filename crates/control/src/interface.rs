@@ -1,6 +1,8 @@
 //! What one step is given and what it says.
 
+use crate::balanced::{BalanceReport, VelocityCommand};
 use crate::{Fault, FaultReport, FaultSet, InertialState, JOINTS, JointCommand, Mode, PreparedGait, Refusal};
+use estimator::Estimator;
 use std::time::Duration;
 
 /// Requests that one step takes; more are refused.
@@ -52,6 +54,8 @@ pub struct Input<'a> {
     pub joints: Option<&'a JointState>,
     /// The newest that the inertial unit said, where there is one and it is heard.
     pub inertial: Option<InertialState>,
+    /// The newest velocity that was asked for, if one ever was: only the balanced law can go other than the gait.
+    pub velocity: Option<VelocityCommand>,
     /// What operators asked since the last step, in order.
     pub requests: &'a [Request],
     /// A gait that arrived since the last step.
@@ -116,6 +120,10 @@ pub struct Output {
     pub tracking_error_rad: [f64; JOINTS],
     /// Torques that the command gives at the measured state, N m.
     pub torque_nm: [f64; JOINTS],
+    /// The estimate of the base, where the configuration asks for balance.
+    pub estimate: Option<Estimator>,
+    /// What the balanced law did, where it is walked.
+    pub balance: Option<BalanceReport>,
     /// Steps of the controller.
     pub cycles: u64,
     /// Steps that found no new joint state.

@@ -5,6 +5,7 @@ pub mod balanced;
 use crate::gait_clock::{Growth, Place};
 use crate::prepared_gait::Instant;
 use crate::{JOINTS, JointCommand, PreparedGait};
+use balanced::Balanced;
 use gait::StepSide;
 
 /// A change of gait is smoothed out over this share of its first step.
@@ -13,10 +14,14 @@ const CHANGE_SHARE: f64 = 0.5;
 /// The laws that there are, each with what it remembers. Closed, so that a snapshot stays `Copy` and a recording runs
 /// again.
 #[derive(Clone, Copy, Debug, Default, PartialEq, serde::Serialize, serde::Deserialize)]
+// The cycle must not allocate, so the large variant is not boxed.
+#[allow(clippy::large_enum_variant)]
 pub(crate) enum Law {
     /// The paper's: the gait's clock and its plan, nothing measured.
     #[default]
     Paper,
+    /// The same law on a reference that follows what the robot feels.
+    Balanced(Balanced),
 }
 
 impl Law {
@@ -24,6 +29,7 @@ impl Law {
     pub fn phase_rate(&self) -> f64 {
         match self {
             Self::Paper => 1.0,
+            Self::Balanced(balanced) => balanced.pace(),
         }
     }
 
@@ -31,6 +37,18 @@ impl Law {
     pub fn reference(&self, gait: &PreparedGait, place: &Place) -> JointCommand {
         match self {
             Self::Paper => paper(gait, place),
+            Self::Balanced(balanced) => balanced.reference(),
+        }
+    }
+
+    /// Positions and velocities at the switch `place`, from which a walk that ends there comes to rest.
+    pub fn at_switch(&self, gait: &PreparedGait, place: &Place) -> ([f64; JOINTS], [f64; JOINTS]) {
+        match self {
+            Self::Paper => {
+                let at = grown(gait, gait.at(place.side, 0.0), place.growth);
+                (at.position_rad, at.velocity_rad_s)
+            }
+            Self::Balanced(balanced) => balanced.at_switch(),
         }
     }
 }

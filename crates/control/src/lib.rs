@@ -23,6 +23,8 @@
 //!
 //! This crate reads no clock, file or environment, knows no ROS, and allocates nothing in a step.
 
+mod balance_config;
+mod balancing;
 mod command;
 mod config;
 mod controller;
@@ -53,7 +55,8 @@ pub use gait::JOINTS;
 pub use inertial::{InertialState, Tilt, is_unit_length};
 pub use interface::{DampingReason, Input, JointState, MAX_REQUESTS, Output, Request};
 pub use law::balanced;
-pub use law::balanced::Velocity;
+pub use law::balanced::{Velocity, VelocityCommand};
+
 pub use memory::{Snapshot, SnapshotVersion1};
 pub use prepared_gait::{GaitName, Instant, PreparedGait};
 pub use transition::{Event, Guards, Mode, Refusal, transition};

@@ -8,6 +8,7 @@ use crate::motion::{Course, Motion, Then};
 use crate::ramp::Ramp;
 use crate::watch::{Still, Watch};
 use crate::{DampingReason, FaultReport, FaultSet, JOINTS, JointCommand, JointState, Mode, PreparedGait};
+use estimator::Estimator;
 use std::time::Duration;
 
 /// A controller's memory at one moment: [`crate::Controller::snapshot`]. Everything that the next step depends on
@@ -19,6 +20,9 @@ pub struct Snapshot {
     pub(crate) watch: Watch,
     pub(crate) motion: Motion,
     pub(crate) law: Law,
+    /// Of the base; it waits for data where there is no balance.
+    #[serde(default)]
+    pub(crate) estimate: Estimator,
     pub(crate) limits: Limits,
     /// What was sent last.
     pub(crate) command: JointCommand,
@@ -33,6 +37,7 @@ impl Snapshot {
         watch: Watch::NOTHING,
         motion: Motion::NONE,
         law: Law::Paper,
+        estimate: Estimator::WAITING,
         limits: Limits::NOTHING,
         command: JointCommand::LIMP,
         cycles: 0,
@@ -125,6 +130,7 @@ impl From<SnapshotVersion1> for Snapshot {
                 step_phase: old.step_phase,
             },
             law: Law::Paper,
+            estimate: Estimator::WAITING,
             limits: old.limiter,
             command: old.command,
             cycles: old.cycles,

@@ -101,6 +101,14 @@ impl Motion {
         }
     }
 
+    /// The gait that is walked, and its clock.
+    pub fn walked(&self) -> Option<(&PreparedGait, &GaitClock)> {
+        match (&self.course, &self.gait) {
+            (Course::Gait(clock), Some(gait)) => Some((gait, clock)),
+            _ => None,
+        }
+    }
+
     /// What is expected of the joints at `now`.
     pub fn expected(&self, config: &Config, now: Duration) -> Expected {
         match &self.course {
@@ -221,20 +229,20 @@ impl Motion {
 
     /// At a switch: all four feet are on the ground where they are to stay, so the posture of the switch is kept and
     /// only its motion runs out, over a third of the way that it would go in that time.
-    pub fn come_to_rest(&mut self, config: &Config, now: Duration) {
+    pub fn come_to_rest(&mut self, law: &Law, config: &Config, now: Duration) {
         let (Some(gait), Course::Gait(clock)) = (self.gait, self.course) else {
             return;
         };
         let side = clock.side();
-        let at = grown(&gait, gait.at(side, 0.0), clock.growth(config, now));
+        let (position_rad, velocity_rad_s) = law.at_switch(&gait, &clock.place(config, now));
         let mut from = posture(config, &config.stand);
-        from.position_rad = at.position_rad;
-        from.velocity_rad_s = at.velocity_rad_s;
+        from.position_rad = position_rad;
+        from.velocity_rad_s = velocity_rad_s;
         let mut to = from;
         to.velocity_rad_s = [0.0; JOINTS];
         let duration_s = config.stop_blend_s;
         for j in 0..JOINTS {
-            to.position_rad[j] += at.velocity_rad_s[j] * duration_s / 3.0;
+            to.position_rad[j] += velocity_rad_s[j] * duration_s / 3.0;
         }
         from.kp = gait.kp(side);
         from.kd = gait.kd(side);

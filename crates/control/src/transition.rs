@@ -128,6 +128,8 @@ pub struct Guards {
     pub emergency_stop: bool,
     /// The configuration allows [`Event::StartOnGait`]: the robot is simulated.
     pub start_on_gait_allowed: bool,
+    /// The base's estimate is not wanted, or it is good, or it waits for an inertial unit that never was there.
+    pub estimate_usable: bool,
 }
 
 impl Guards {
@@ -139,6 +141,7 @@ impl Guards {
         any_fault: false,
         emergency_stop: false,
         start_on_gait_allowed: true,
+        estimate_usable: true,
     };
 }
 
@@ -189,6 +192,9 @@ pub enum Refusal {
     /// No gait.
     #[error("refused: no gait is loaded. Ask the planner for one, or load one from a file")]
     NoGait,
+    /// The base's estimate is not good.
+    #[error("refused: the estimate of the base is not good. Is the inertial unit still heard, and does it make sense?")]
+    NoEstimate,
     /// A fault is latched.
     #[error("refused: a fault is latched. Read it in controller_state, cure it, and clear it by its name")]
     FaultLatched,
@@ -299,6 +305,8 @@ fn ready_to_walk(guards: &Guards) -> Result<(), Refusal> {
         Err(Refusal::FaultLatched)
     } else if !guards.gait_loaded {
         Err(Refusal::NoGait)
+    } else if !guards.estimate_usable {
+        Err(Refusal::NoEstimate)
     } else {
         Ok(())
     }

@@ -42,7 +42,7 @@ pub(crate) struct Found {
 }
 
 impl Found {
-    fn add(&mut self, fault: Fault, joint: Option<usize>, value: f64, limit: f64) {
+    pub fn add(&mut self, fault: Fault, joint: Option<usize>, value: f64, limit: f64) {
         if self.reports().all(|known| known.fault != fault) {
             self.reports[self.count] = Some(FaultReport { fault, joint, value, limit });
             self.count += 1;

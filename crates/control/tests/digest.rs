@@ -155,6 +155,7 @@ fn live(seed: u64, digest: &mut Digest) {
             gait: day.gait.map(|n| &day.gaits[n]),
             emergency_stop: b.emergency_stop,
             fault: day.fault,
+            ..Input::default()
         };
         let output = b.controller.step(&input, b.now);
         digest.output(&output);

@@ -106,7 +106,7 @@ fn a_hundred_thousand_random_events_break_nothing() {
                 requests: &requests[..count],
                 gait,
                 emergency_stop: b.emergency_stop,
-                fault: None,
+                ..Input::default()
             };
             let before = realtime::allocations_of_this_thread();
             let output = b.controller.step(&input, b.now);

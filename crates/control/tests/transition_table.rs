@@ -4,13 +4,14 @@
 use control::{Event, Guards, Mode, transition};
 
 fn all_guards() -> impl Iterator<Item = Guards> {
-    (0..64).map(|n: u32| Guards {
+    (0..128).map(|n: u32| Guards {
         fresh: n & 1 != 0,
         posture_safe: n & 2 != 0,
         gait_loaded: n & 4 != 0,
         any_fault: n & 8 != 0,
         emergency_stop: n & 16 != 0,
         start_on_gait_allowed: n & 32 != 0,
+        estimate_usable: n & 64 != 0,
     })
 }
 
@@ -93,6 +94,7 @@ fn no_guards_open_a_way_that_must_stay_shut() {
                 if matches!(to, Mode::Starting | Mode::Walking) && to != mode {
                     assert!(guards.gait_loaded || event == Event::PostureReached, "{context}");
                     assert!(!guards.any_fault || event == Event::PostureReached, "{context}");
+                    assert!(guards.estimate_usable || event == Event::PostureReached, "{context}");
                 }
                 if mode.is_moving() && matches!(event, Event::EmergencyStop | Event::Stale) {
                     assert_eq!(to, Mode::Damping, "{context}");
@@ -110,5 +112,5 @@ fn no_guards_open_a_way_that_must_stay_shut() {
             }
         }
     }
-    assert_eq!(cells, 64 * Mode::ALL.len() * Event::ALL.len());
+    assert_eq!(cells, 128 * Mode::ALL.len() * Event::ALL.len());
 }

@@ -112,19 +112,7 @@ pub struct Estimator {
 
 impl Default for Estimator {
     fn default() -> Self {
-        Self {
-            health: Health::Waiting,
-            attitude_xyzw: [0.0, 0.0, 0.0, 1.0],
-            velocity_m_s: [0.0; 3],
-            position_m: [0.0; 3],
-            gyro_offset_rad_s: [0.0; 3],
-            angular_velocity_rad_s: [0.0; 3],
-            time_s: 0.0,
-            settled_s: 0.0,
-            missing_s: 0.0,
-            distance_m: 0.0,
-            contradiction: 0.0,
-        }
+        Self::WAITING
     }
 }
 
@@ -147,6 +135,21 @@ const SETTLING_S: f64 = 0.05;
 const LOST_S: f64 = 0.2;
 
 impl Estimator {
+    /// Before any data.
+    pub const WAITING: Self = Self {
+        health: Health::Waiting,
+        attitude_xyzw: [0.0, 0.0, 0.0, 1.0],
+        velocity_m_s: [0.0; 3],
+        position_m: [0.0; 3],
+        gyro_offset_rad_s: [0.0; 3],
+        angular_velocity_rad_s: [0.0; 3],
+        time_s: 0.0,
+        settled_s: 0.0,
+        missing_s: 0.0,
+        distance_m: 0.0,
+        contradiction: 0.0,
+    };
+
     /// What the estimate is worth.
     pub fn health(&self) -> Health {
         self.health

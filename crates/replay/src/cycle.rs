@@ -4,23 +4,23 @@ use std::borrow::Cow;
 use std::time::Duration;
 
 use bag::{BagError, BagTopic, from_cdr};
-use control::{InertialState, Tilt};
+use control::{InertialState, Tilt, Velocity, VelocityCommand};
 use tandem_msgs::ControlCycle;
 
-/// Fields that were added at the message's end: a flag, and four lists, of which every one empty is a length of 0.
-const INERTIAL: (&str, usize, usize) = ("inertial_age_ns", 1, 4 * 4);
+/// Groups of fields that were added at the message's end, in order: by one of its fields' name, how many lists follow a
+/// flag.
+const ADDED: [(&str, usize); 2] = [("inertial_age_ns", 4), ("velocity_age_ns", 2)];
 
 /// A recorded cycle. What an older message does not say is empty.
 pub(crate) fn control_cycle(topic: &BagTopic, data: &[u8]) -> Result<ControlCycle, BagError> {
-    let (field, flag, lists) = INERTIAL;
-    let is_older = topic.definition.as_deref().is_some_and(|definition| !definition.contains(field));
-    let whole = if is_older {
-        // The lists' lengths are aligned to 4 after the 4 bytes of the encapsulation.
-        let missing = (data.len() + flag).next_multiple_of(4) - data.len() + lists;
-        Cow::Owned([data, &vec![0; missing]].concat())
-    } else {
-        Cow::Borrowed(data)
-    };
+    let mut whole = Cow::Borrowed(data);
+    for (field, lists) in ADDED {
+        if topic.definition.as_deref().is_some_and(|definition| !definition.contains(field)) {
+            // A flag of one byte, and lengths of 0, which are aligned to 4 after the 4 bytes of the encapsulation.
+            let length = (whole.len() + 1).next_multiple_of(4) + 4 * lists;
+            whole.to_mut().resize(length, 0);
+        }
+    }
     from_cdr(&topic.type_name, &whole)
 }
 
@@ -56,6 +56,24 @@ pub(crate) fn inertial_state(
         angular_velocity_rad_s: some_array("inertial_angular_velocity", &cycle.inertial_angular_velocity)?,
         acceleration_m_s2: some_array("inertial_acceleration", &cycle.inertial_acceleration)?,
     }))
+}
+
+/// The velocity that the cycle was asked for; `last` is what the cycle before was.
+pub(crate) fn velocity_command(
+    cycle: &ControlCycle,
+    last: Option<VelocityCommand>,
+) -> Result<Option<VelocityCommand>, String> {
+    if cycle.velocity_held {
+        return last.map(Some).ok_or_else(|| "velocity_held without a command in the cycle before".into());
+    }
+    match (cycle.velocity_age_ns.as_slice(), some_array("velocity", &cycle.velocity)?) {
+        ([], None) => Ok(None),
+        ([age_ns], Some([forward_m_s, left_m_s, yaw_rad_s])) => {
+            let velocity = Velocity { forward_m_s, left_m_s, yaw_rad_s };
+            Ok(Some(VelocityCommand { velocity, arrived: before(cycle, *age_ns)? }))
+        }
+        (ages, _) => Err(format!("velocity_age_ns has {} entries; expected as many commands as there are", ages.len())),
+    }
 }
 
 fn some_array<const N: usize>(name: &str, values: &[f64]) -> Result<Option<[f64; N]>, String> {

@@ -4,7 +4,7 @@ use std::path::Path;
 use std::time::Duration;
 
 use bag::{Qos, Recorder, RecorderOptions, RecorderStatus, Summary, Topic};
-use control::{Config, InertialState, Input, JOINTS, Mode, Output, Snapshot, resolution};
+use control::{Config, InertialState, Input, JOINTS, Mode, Output, Snapshot, Velocity, VelocityCommand, resolution};
 use gait::{Gait, LEGS};
 use tandem_msgs::builtin_interfaces::Time;
 use tandem_msgs::geometry_msgs::{Point, Quaternion, Vector3, WrenchStamped};
@@ -68,6 +68,8 @@ pub struct RunRecorder {
     last_state: Option<Duration>,
     /// What the cycle recorded last saw of the inertial unit.
     last_inertial: Option<InertialState>,
+    /// What velocity it was asked for.
+    last_velocity: Option<VelocityCommand>,
     last_written_state: Option<(Duration, Mode)>,
     gaits: u32,
     gait_name: String,
@@ -104,6 +106,7 @@ impl RunRecorder {
             ground_force: [force(a)?, force(b)?, force(c)?, force(d)?],
             last_state: None,
             last_inertial: None,
+            last_velocity: None,
             last_written_state: None,
             gaits: 0,
             gait_name: String::new(),
@@ -257,11 +260,11 @@ impl RunRecorder {
             fault_value: input.fault.map_or(0.0, |report| report.value),
             fault_limit: input.fault.map_or(0.0, |report| report.limit),
             mode: output.mode.name().into(),
-            ..inertial_part(input.inertial.as_ref(), self.last_inertial.as_ref(), age_ns)
+            ..sensed_part(input, (self.last_inertial.as_ref(), self.last_velocity.as_ref()), age_ns)
         };
         taken &= self.recorder.push_message(&self.control_cycle, stamp_ns, &message)?;
         // What was not taken cannot be held.
-        self.last_inertial = input.inertial.filter(|_| taken);
+        (self.last_inertial, self.last_velocity) = if taken { (input.inertial, input.velocity) } else { (None, None) };
         let due = self
             .last_written_state
             .is_none_or(|(time, mode)| mode != output.mode || now.saturating_sub(time) >= STATE_PERIOD);
@@ -357,6 +360,25 @@ fn inertial_part(
         inertial_acceleration: unit.acceleration_m_s2.map_or(Vec::new(), Vec::from),
         ..ControlCycle::default()
     }
+}
+
+/// What a cycle says of the inertial unit and of the velocity asked for after one that saw `last`.
+fn sensed_part(
+    input: &Input,
+    (last_unit, last_velocity): (Option<&InertialState>, Option<&VelocityCommand>),
+    age_ns: impl Fn(Duration) -> i64,
+) -> ControlCycle {
+    let unit = inertial_part(input.inertial.as_ref(), last_unit, &age_ns);
+    let Some(command) = &input.velocity else { return unit };
+    let numbers = |command: &VelocityCommand| {
+        let Velocity { forward_m_s, left_m_s, yaw_rad_s } = command.velocity;
+        [forward_m_s, left_m_s, yaw_rad_s]
+    };
+    let bits = |command: &VelocityCommand| (command.arrived, numbers(command).map(f64::to_bits));
+    if last_velocity.is_some_and(|last| bits(last) == bits(command)) {
+        return ControlCycle { velocity_held: true, ..unit };
+    }
+    ControlCycle { velocity_age_ns: vec![age_ns(command.arrived)], velocity: numbers(command).to_vec(), ..unit }
 }
 
 /// To the bit: −0 is not 0, and NaN is itself.

@@ -12,7 +12,7 @@ use tandem_msgs::sensor_msgs::JointState;
 use tandem_msgs::{ControlCycle, JointCommand};
 
 use crate::ReplayError;
-use crate::cycle::{before, control_cycle, inertial_state};
+use crate::cycle::{before, control_cycle, inertial_state, velocity_command};
 use crate::names::{self, request_of};
 
 /// A command that came out differently.
@@ -124,6 +124,8 @@ struct Player {
     commands: Vec<JointCommand>,
     /// What the last cycle saw of the inertial unit.
     inertial: Option<control::InertialState>,
+    /// What velocity the last cycle was asked for.
+    velocity: Option<control::VelocityCommand>,
     last_index: u64,
     /// A cycle was run, or the recording says where it began.
     begun: bool,
@@ -190,6 +192,7 @@ impl Player {
             }
         };
         self.inertial = inertial_state(cycle, self.inertial)?;
+        self.velocity = velocity_command(cycle, self.velocity)?;
         let fault = if cycle.fault.is_empty() {
             None
         } else {
@@ -201,6 +204,7 @@ impl Player {
         let input = Input {
             joints: joints.as_ref(),
             inertial: self.inertial,
+            velocity: self.velocity,
             requests: &requests,
             gait: gait.as_ref(),
             emergency_stop: cycle.emergency_stop,

@@ -7,7 +7,7 @@ use crate::output;
 use crate::progress::Progress;
 use crate::robots::{self, RobotArguments};
 use anyhow::{Context, Result, bail};
-use control::DriveMode;
+use control::{DriveMode, Velocity};
 use gait::Gait;
 use joint_bus::{BusConfig, DriveModel};
 use replay::{BodySample, ReplayError, RunInfo, RunRecorder};
@@ -33,6 +33,7 @@ use tandem_sim_bridge::walk::{self, Cycle, Drives, End, Start, Walk, WalkOptions
 ///   tandem plan amble --slope 5 -o uphill.json
 ///   tandem simulate uphill.json --slope 5 --mu 0.5 --push 3 0.1 0 100
 ///   tandem simulate amble.json --start sit --out out/amble
+///   tandem simulate amble.json --balance --push 3 0.1 0 600 --slope 10 --velocity 5 0.2 0 0.3
 #[derive(clap::Args)]
 #[command(verbatim_doc_comment)]
 pub struct Arguments {
@@ -66,6 +67,19 @@ pub struct Arguments {
     /// Push on the base: seconds after the first step, duration in s, force ahead and to the left in N
     #[arg(long, value_names = ["T", "DURATION", "FX", "FY"], num_args = 4, action = clap::ArgAction::Append, allow_negative_numbers = true)]
     push: Vec<f64>,
+    /// Walk in balance: steps are placed, hurried and levelled by what the robot feels (docs/balance.md)
+    #[arg(long)]
+    balance: bool,
+    /// With --balance: velocity from T seconds after the first step on, ahead and to the left in m/s, turning in rad/s
+    #[arg(
+        long,
+        value_names = ["T", "VX", "VY", "WZ"],
+        num_args = 4,
+        action = clap::ArgAction::Append,
+        allow_negative_numbers = true,
+        requires = "balance"
+    )]
+    velocity: Vec<f64>,
     /// Time that a command takes to the drives, a multiple of the control period, s
     #[arg(long, value_name = "S", default_value_t = 0.0)]
     delay: f64,
@@ -164,6 +178,12 @@ impl Arguments {
                 .chunks_exact(4)
                 .map(|p| Push { start_s: p[0], duration_s: p[1], force_n: [p[2], p[3], 0.0] })
                 .collect(),
+            balance: self.balance,
+            velocities: self
+                .velocity
+                .chunks_exact(4)
+                .map(|v| (v[0], Velocity { forward_m_s: v[1], left_m_s: v[2], yaw_rad_s: v[3] }))
+                .collect(),
             simulator: SimulatorOptions {
                 friction: self.mu,
                 terrain,
@@ -245,7 +265,7 @@ struct Recording {
 
 impl Recording {
     fn start(folder: &Path, robot: &Robot, gait: &Gait, options: &WalkOptions) -> Result<Recording> {
-        let config = walk::controller_config(robot, options);
+        let config = walk::controller_config(robot, options)?;
         let [a, b, c, d] = &robot.legs;
         let info = RunInfo {
             config: &config,

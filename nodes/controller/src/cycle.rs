@@ -170,6 +170,7 @@ impl Cycle {
         let input = Input {
             joints: state.as_ref(),
             inertial,
+            velocity: None,
             requests: &requests[..count],
             gait: gait.as_ref(),
             // Each is asked: a press that one cycle has seen is not kept for the next.

@@ -46,7 +46,7 @@ pub struct TapedCycle {
     recording: u64,
     now: Duration,
     joints: Option<JointState>,
-    inertial: Option<InertialState>,
+    sensed: (Option<InertialState>, Option<control::VelocityCommand>),
     requests: [Request; MAX_REQUESTS],
     request_count: usize,
     /// Number of the gait that arrived, as the desk counts them; 0: none did.
@@ -104,7 +104,7 @@ impl Tape {
             recording: self.recording,
             now,
             joints: input.joints.copied(),
-            inertial: input.inertial,
+            sensed: (input.inertial, input.velocity),
             requests,
             request_count,
             gait,
@@ -319,7 +319,6 @@ impl Recording {
                 message.header.stamp.nanoseconds()
             })?;
         }
-        // It says what odom says, for viewers.
         self.listen_to(node, TF, None, "/tf", thin(2 * THINNED_NS), |message: &TFMessage| {
             message.transforms.first().map_or(0, |transform| transform.header.stamp.nanoseconds())
         })
@@ -570,7 +569,8 @@ impl Run {
         }
         let input = Input {
             joints: cycle.joints.as_ref(),
-            inertial: cycle.inertial,
+            inertial: cycle.sensed.0,
+            velocity: cycle.sensed.1,
             requests: &cycle.requests[..cycle.request_count],
             gait: arrived.map(|(_, prepared)| prepared),
             emergency_stop: cycle.emergency_stop,

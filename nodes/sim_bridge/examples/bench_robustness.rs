@@ -2,7 +2,8 @@
 //!
 //! Every line is `name = survived/of`, or `name = value` for what is no survival. Seeded: the same lines on every
 //! run. Tables: see [`TABLES`]; without an argument all of them. `--bare` walks the paper's law instead,
-//! `--quick` takes one case in eight.
+//! `--quick` takes one case in eight, `--unwatched` lets the law walk where the controller's watch over joints and tilt
+//! would have ended the walk.
 
 #[path = "bench_robustness/cases.rs"]
 mod cases;
@@ -38,18 +39,18 @@ fn main() {
     let (flags, names): (Vec<&String>, Vec<&String>) = arguments.iter().partition(|a| a.starts_with("--"));
     let unknown = flags
         .iter()
-        .find(|flag| !["--bare", "--quick"].contains(&flag.as_str()))
+        .find(|flag| !["--bare", "--quick", "--unwatched"].contains(&flag.as_str()))
         .or_else(|| names.iter().find(|name| !TABLES.iter().any(|(known, _)| *known == name.as_str())));
     if let Some(unknown) = unknown {
         let known: Vec<&str> = TABLES.iter().map(|(name, _)| *name).collect();
         eprintln!(
-            "bench_robustness: \"{unknown}\" is unknown: expected --bare, --quick or some of {}",
+            "bench_robustness: \"{unknown}\" is unknown: expected --bare, --quick, --unwatched or some of {}",
             known.join(", ")
         );
         std::process::exit(2);
     }
     let has = |flag: &str| flags.iter().any(|given| given.as_str() == flag);
-    let bench = Bench::new(!has("--bare"), has("--quick"));
+    let bench = Bench { balanced: !has("--bare"), quick: has("--quick"), watched: !has("--unwatched"), ..Bench::new() };
     for (name, table) in TABLES {
         if names.is_empty() || names.iter().any(|asked| asked.as_str() == name) {
             table(&bench);

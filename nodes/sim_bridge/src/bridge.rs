@@ -257,7 +257,7 @@ impl Bridge {
     }
 
     /// Everything that belongs to a new stamp; joint states last, because they are what others wait for.
-    fn publish_all(&self) -> Result<(), PublishError> {
+    fn publish_all(&mut self) -> Result<(), PublishError> {
         let stamp = Time::from_nanoseconds(self.stamp_ns());
         let state = self.simulator.state();
         // Behind topics every period is told of, because the controller answers it.
@@ -266,7 +266,7 @@ impl Bridge {
             self.ports.clock.publish(Clock { clock: stamp })?;
         }
         if self.period.is_multiple_of(self.config.imu_every) {
-            self.ports.imu.publish(ports::imu(&state, self.simulator.imu_quaternion_xyzw(), &self.frames, stamp))?;
+            self.ports.imu.publish(ports::imu(&mut self.simulator, &self.frames, stamp))?;
         }
         if self.period.is_multiple_of(self.config.odometry_every) {
             self.ports.odom.publish(ports::odometry(&state, &self.frames, stamp))?;

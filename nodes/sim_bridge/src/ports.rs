@@ -1,6 +1,6 @@
 //! Messages to and from the simulator's own types: the one place where the two meet.
 
-use crate::simulator::RobotState;
+use crate::simulator::{RobotState, Simulator};
 use control::{JointCommand, resolution};
 use tandem_msgs::builtin_interfaces::Time;
 use tandem_msgs::geometry_msgs::{Point, Pose, Quaternion, Transform, TransformStamped, Twist, Vector3, WrenchStamped};
@@ -54,13 +54,14 @@ pub fn joint_state(state: &RobotState, names: &[String; 12], stamp: Time) -> Joi
     }
 }
 
-/// What an inertial measurement unit at the base reports: `orientation_xyzw` against the true vertical.
-pub fn imu(state: &RobotState, orientation_xyzw: [f64; 4], frames: &Frames, stamp: Time) -> Imu {
+/// What an inertial measurement unit at the base reports: its orientation is against the true vertical, its
+/// acceleration the mean since the message before.
+pub fn imu(simulator: &mut Simulator, frames: &Frames, stamp: Time) -> Imu {
     Imu {
         header: header(stamp, &frames.imu),
-        orientation: quaternion(orientation_xyzw),
-        angular_velocity: vector(state.base_angular_velocity_body, resolution::velocity_rad_s),
-        linear_acceleration: vector(state.base_specific_force_body, resolution::acceleration_m_s2),
+        orientation: quaternion(simulator.imu_quaternion_xyzw()),
+        angular_velocity: vector(simulator.state().base_angular_velocity_body, resolution::velocity_rad_s),
+        linear_acceleration: vector(simulator.felt_specific_force_body(), resolution::acceleration_m_s2),
         ..Imu::default()
     }
 }

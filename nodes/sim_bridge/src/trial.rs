@@ -37,6 +37,9 @@ pub struct Trial {
     pub delay_cycles: usize,
     /// Whether the balanced law walks, or the paper's.
     pub balanced: bool,
+    /// Whether the controller's watch over joints and tilt may end the walk, as on the robot; else the law walks alone
+    /// until it falls.
+    pub watched: bool,
     /// The simulated world and robot.
     pub simulator: SimulatorOptions,
 }
@@ -50,6 +53,7 @@ impl Default for Trial {
             noise: Noise::default(),
             delay_cycles: 2,
             balanced: true,
+            watched: true,
             simulator: SimulatorOptions { joint_noise_rad: 0.01, ..SimulatorOptions::default() },
         }
     }
@@ -72,6 +76,8 @@ pub struct Sample {
     pub odometry_m: [f64; 3],
     /// Pace of the step against the gait's own, 1 without the balanced law.
     pub pace: f64,
+    /// The step could not be placed or hurried as it should have been.
+    pub limited: bool,
 }
 
 /// How a trial ended.
@@ -129,7 +135,7 @@ pub fn run(robot: &Robot, simulated: Option<&Robot>, gait: &Gait, trial: &Trial)
         simulator.push(*push)?;
     }
     let steps_per_cycle = (PERIOD_S / trial.simulator.timestep_s).round().max(1.0) as u32;
-    let mut brain = Brain::new(robot, gait, trial.balanced)?;
+    let mut brain = Brain::new(robot, gait, trial.balanced, trial.watched)?;
     let mut sensors = Sensors::new(trial.simulator.seed, trial.noise, &simulator);
     let torque_limit_nm = std::array::from_fn(|j| robot.limits.drive_torque_nm[j % 3]);
     let mut recorder = Recorder::new(Measure::new(gait.step_duration_s, torque_limit_nm));
@@ -218,7 +224,7 @@ fn sample(state: &RobotState, turned_rad: [f64; 3], brain: &Brain) -> Sample {
         [cosine * velocity[0] + sine * velocity[1], cosine * velocity[1] - sine * velocity[0]]
     };
     let [vx, vy] = heading(state.base_linear_velocity_world, turned_rad[2]);
-    let (estimate, pace) = brain.watched();
+    let (estimate, report) = brain.watched();
     let [ex, ey] = heading(estimate.velocity_m_s(), estimate.yaw_rad());
     Sample {
         time_s: state.time_s,
@@ -227,6 +233,7 @@ fn sample(state: &RobotState, turned_rad: [f64; 3], brain: &Brain) -> Sample {
         velocity: [vx, vy, state.base_angular_velocity_body[2]],
         estimated: [ex, ey, estimate.angular_velocity_rad_s()[2]],
         odometry_m: estimate.position_m(),
-        pace,
+        pace: report.pace,
+        limited: report.placement_limited || report.hurry_limited,
     }
 }

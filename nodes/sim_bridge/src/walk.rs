@@ -4,11 +4,15 @@ mod path;
 
 use crate::measure::{Measure, WalkFigures};
 use crate::simulator::{Fall, Posture, Push, RobotState, Simulator, SimulatorError, SimulatorOptions};
-use control::{Config, Controller, DriveMode, InertialState, Input, JointState, Mode, Output, PreparedGait, Request};
+use control::balanced::BalanceConfig;
+use control::{
+    Config, Controller, DriveMode, InertialState, Input, JointState, Mode, Output, PreparedGait, Request, Velocity,
+    VelocityCommand,
+};
 use gait::Gait;
 use joint_bus::{BusConfig, DriveModel};
 use path::Path;
-use robot::Robot;
+use robot::{Robot, RobotError};
 use std::ops::ControlFlow;
 use std::time::Duration;
 
@@ -52,6 +56,10 @@ pub struct WalkOptions {
     pub drives: Option<Drives>,
     /// Pushes, their time counted from the first step.
     pub pushes: Vec<Push>,
+    /// Whether the balanced law walks, or the paper's.
+    pub balance: bool,
+    /// Velocities asked for, each from its time on, counted from the first step; none before the first: the gait's own.
+    pub velocities: Vec<(f64, Velocity)>,
     /// The simulator's options.
     pub simulator: SimulatorOptions,
 }
@@ -66,6 +74,8 @@ impl Default for WalkOptions {
             drive_mode: DriveMode::Impedance,
             drives: None,
             pushes: Vec::new(),
+            balance: false,
+            velocities: Vec::new(),
             simulator: SimulatorOptions::default(),
         }
     }
@@ -127,6 +137,9 @@ pub enum WalkError {
     /// The simulator.
     #[error(transparent)]
     Simulator(#[from] SimulatorError),
+    /// The robot's legs cannot be walked in balance.
+    #[error(transparent)]
+    Robot(#[from] RobotError),
     /// The wiring file does not fit what the controller sends.
     #[error(transparent)]
     Bus(#[from] joint_bus::BusConfigError),
@@ -184,13 +197,17 @@ pub struct Cycle<'a> {
 }
 
 /// The controller's configuration in a walk with these options.
-pub fn controller_config(robot: &Robot, options: &WalkOptions) -> Config {
-    Config {
+///
+/// # Errors
+/// If it is to be walked in balance, and the robot's legs are of another shape than the balanced law knows.
+pub fn controller_config(robot: &Robot, options: &WalkOptions) -> Result<Config, RobotError> {
+    Ok(Config {
         simulation_start: true,
         control_period_s: options.period_s,
         drive_mode: options.drive_mode,
+        balance: options.balance.then(|| BalanceConfig::for_robot(robot)).transpose()?,
         ..Config::for_robot(robot)
-    }
+    })
 }
 
 /// Walks. `observe` sees the simulator, the state and the controller's cycle, before the physics moves on.
@@ -261,7 +278,7 @@ impl<'a> Course<'a> {
         }
         let steps_per_cycle = multiple("the control period", options.period_s, options.simulator.timestep_s)?.max(1);
         let delay_cycles = multiple("the command's delay", options.command_delay_s, options.period_s)? as usize;
-        let config = controller_config(robot, options);
+        let config = controller_config(robot, options)?;
         let prepared = PreparedGait::new(gait, &config)?;
         let torque_limit_nm = config.torque_limit_nm;
         let path = Path::new(options, &config, delay_cycles)?;
@@ -304,9 +321,9 @@ impl<'a> Course<'a> {
             let unit = InertialState {
                 stamp: now,
                 arrived: now,
-                attitude_xyzw: Some(state.base_quaternion_xyzw),
+                attitude_xyzw: Some(self.simulator.imu_quaternion_xyzw()),
                 angular_velocity_rad_s: Some(state.base_angular_velocity_body),
-                acceleration_m_s2: Some(state.base_specific_force_body),
+                acceleration_m_s2: Some(self.simulator.felt_specific_force_body()),
             };
             self.inertial = Some(unit.to_resolution());
         }
@@ -315,6 +332,7 @@ impl<'a> Course<'a> {
             joints: joints.as_ref(),
             fault: self.path.fault(now),
             inertial: self.inertial,
+            velocity: self.velocity(now, state.time_s),
             requests: if first { self.requests } else { &[] },
             gait: first.then_some(&self.prepared),
             ..Input::default()
@@ -340,6 +358,14 @@ impl<'a> Course<'a> {
             self.path.step(&mut self.simulator, now + timestep * step);
         }
         self.end(&output)
+    }
+
+    /// What is asked for now; it is said anew in every cycle.
+    fn velocity(&self, now: Duration, time_s: f64) -> Option<VelocityCommand> {
+        let walked_s = time_s - self.walking_from_s?;
+        let begun = |(from_s, _): &&(f64, Velocity)| *from_s <= walked_s;
+        let (_, velocity) = self.options.velocities.iter().take_while(begun).last()?;
+        Some(VelocityCommand { velocity: *velocity, arrived: now })
     }
 
     /// Whether the walk has ended with the last step of the physics, which is measured.

@@ -19,14 +19,16 @@ pub struct Bench {
     pub robot: Robot,
     pub balanced: bool,
     pub quick: bool,
-    gaits: RefCell<BTreeMap<String, Gait>>,
+    pub watched: bool,
+    pub gaits: RefCell<BTreeMap<String, Gait>>,
 }
 
 impl Bench {
-    pub fn new(balanced: bool, quick: bool) -> Self {
+    /// The balanced law, every case, under the controller's watch.
+    pub fn new() -> Self {
         let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../config/robots/vision60");
         let robot = Robot::load(&folder).unwrap_or_else(|error| fail(&error.to_string()));
-        Self { robot, balanced, quick, gaits: RefCell::default() }
+        Self { robot, balanced: true, quick: false, watched: true, gaits: RefCell::default() }
     }
 
     /// A gait by name: a behaviour's, its frequency counting steps (`amble`) or strides (`amble/stride`), or the
@@ -57,7 +59,7 @@ impl Bench {
 
     /// One trial.
     pub fn run(&self, gait: &Gait, trial: Trial) -> Outcome {
-        let trial = Trial { balanced: self.balanced, ..trial };
+        let trial = Trial { balanced: self.balanced, watched: self.watched, ..trial };
         run(&self.robot, None, gait, &trial).unwrap_or_else(|error| fail(&error.to_string()))
     }
 

@@ -7,6 +7,7 @@
 
 mod description;
 mod fall;
+mod felt;
 mod meshes;
 mod picture;
 mod random;
@@ -205,6 +206,7 @@ pub struct Simulator {
     commanded_at_step: Option<u64>,
     rejected_commands: u64,
     step: u64,
+    felt: felt::Felt,
     torque_nm: [f64; JOINTS],
     pushes: Vec<Push>,
     first_height_m: f64,
@@ -298,6 +300,7 @@ impl Simulator {
             commanded_at_step: None,
             rejected_commands: 0,
             step: 0,
+            felt: felt::Felt::default(),
             torque_nm: [0.0; JOINTS],
             pushes: Vec::new(),
             first_height_m: 0.0,
@@ -332,6 +335,7 @@ impl Simulator {
     fn start_over(&mut self) {
         self.data.reset();
         self.step = 0;
+        self.felt = felt::Felt::default();
         self.command = self.damping;
         self.commanded_at_step = None;
         self.rejected_commands = 0;
@@ -482,6 +486,7 @@ impl Simulator {
         self.data.xfrc_applied_mut()[self.base_body] = wrench;
         self.data.step();
         self.step += 1;
+        self.feel();
     }
 
     /// Simulated time since the reset, s.
@@ -522,12 +527,6 @@ impl Simulator {
         let upright = UnitQuaternion::rotation_between(&-self.gravity, &Vector3::z()).unwrap_or_default();
         let q = upright * in_world;
         [q.i, q.j, q.k, q.w]
-    }
-
-    /// What an accelerometer at the base's origin reads, in the base's axes, m/s².
-    pub fn specific_force_body(&self) -> [f64; 3] {
-        let sensors = self.data.sensordata();
-        [sensors[0], sensors[1], sensors[2]]
     }
 
     /// Centres of the toe spheres in the world, m.

@@ -1,9 +1,12 @@
-//! What walks the robot in a trial.
+//! What walks the robot in a trial: the controller's own step.
 
-use control::balanced::{Balance, BalanceConfig, Cycle};
-use control::{Config, InertialState, JointCommand, JointState, PreparedGait, Velocity};
-use estimator::{Estimator, Health};
-use gait::{Gait, StepSide};
+use control::balanced::{BalanceConfig, BalanceReport};
+use control::{
+    Config, Controller, InertialState, Input, JointCommand, JointState, Mode, Output, PreparedGait, Request, Velocity,
+    VelocityCommand,
+};
+use estimator::Estimator;
+use gait::Gait;
 use robot::{Robot, RobotError};
 use std::time::Duration;
 
@@ -16,40 +19,45 @@ pub enum BrainError {
     /// The gait.
     #[error(transparent)]
     Gait(#[from] gait::GaitError),
+    /// The controller's configuration.
+    #[error(transparent)]
+    Config(#[from] control::ConfigError),
     /// The simulator.
     #[error(transparent)]
     Simulator(#[from] crate::simulator::SimulatorError),
 }
 
-/// The law, and what it remembers.
+/// The controller, and what it said last.
 pub struct Brain {
-    config: Config,
-    balance_config: BalanceConfig,
+    controller: Controller,
     gait: PreparedGait,
-    balanced: bool,
+    begun: bool,
     estimate: Estimator,
-    balance: Option<Balance>,
-    last: Option<Duration>,
+    report: BalanceReport,
 }
 
 impl Brain {
     /// A walk of `gait` that begins on it.
-    pub fn new(robot: &Robot, gait: &Gait, balanced: bool) -> Result<Self, BrainError> {
-        let config = Config::for_robot(robot);
+    pub fn new(robot: &Robot, gait: &Gait, balanced: bool, watched: bool) -> Result<Self, BrainError> {
+        let balance = balanced.then(|| BalanceConfig::for_robot(robot)).transpose()?;
+        let mut config = Config { simulation_start: true, balance, ..Config::for_robot(robot) };
+        if !watched {
+            (config.tracking_error_rad, config.tracking_error_s) = (2.0, 1.0);
+            (config.stuck_rad, config.overspeed_s, config.tilt_limit_rad) = (2.0, 1.0, 1.5);
+            config.position_fault_rad = 1.0;
+        }
         Ok(Self {
-            balance_config: BalanceConfig::for_robot(robot)?,
             gait: PreparedGait::new(gait, &config)?,
-            config,
-            balanced,
-            estimate: Estimator::default(),
-            balance: None,
-            last: None,
+            controller: Controller::new(config)?,
+            begun: false,
+            estimate: Estimator::WAITING,
+            report: BalanceReport { pace: 1.0, ..BalanceReport::default() },
         })
     }
 
-    /// The estimate, and the pace.
-    pub fn watched(&self) -> (&Estimator, f64) {
-        (&self.estimate, self.balance.as_ref().map_or(1.0, |balance| balance.report().pace))
+    /// The estimate, and what the balanced law did.
+    pub fn watched(&self) -> (&Estimator, &BalanceReport) {
+        (&self.estimate, &self.report)
     }
 
     /// One cycle.
@@ -60,42 +68,29 @@ impl Brain {
         asked: Option<Velocity>,
         now: Duration,
     ) -> Result<JointCommand, String> {
-        let dt_s = self.last.map_or(0.0, |last| (now - last).as_secs_f64());
-        self.last = Some(now);
-        let (q, v) = (&joints.position_rad, &joints.velocity_rad_s);
-        let (side, at) = if self.balanced {
-            let swings = self.balance.as_ref().map_or([true, false, false, true], Balance::swings);
-            let phase = self.balance.as_ref().map_or(0.0, Balance::phase);
-            let inertial = inertial.for_estimator(now);
-            self.balance_config.estimate(&mut self.estimate, (q, v), inertial, swings, Some(phase), dt_s);
-            if self.estimate.health() != Health::Good {
-                return Err(format!("estimator {}", self.estimate.health().name()));
-            }
-            let cycle = Cycle {
-                config: &self.balance_config,
-                gait: &self.gait,
-                position_rad: q,
-                velocity_limit_rad_s: &self.config.velocity_limit_rad_s,
-                estimate: &self.estimate,
-                share: 1.0,
-                dt_s,
-            };
-            let balance = self.balance.get_or_insert_with(|| Balance::start(&cycle, true));
-            balance.advance(&cycle);
-            let asked = asked.unwrap_or(balance.own_velocity());
-            let at = balance.step(&cycle, &asked);
-            (balance.side(), at)
-        } else {
-            let t = now.as_secs_f64() / self.gait.step_duration_s();
-            let side = StepSide::of_step(t.floor() as u64);
-            (side, self.gait.at(side, t.fract()))
+        let first = !std::mem::replace(&mut self.begun, true);
+        let input = Input {
+            joints: Some(joints),
+            inertial: Some(*inertial),
+            velocity: asked.map(|velocity| VelocityCommand { velocity, arrived: now }),
+            requests: if first { &[Request::StartOnGait] } else { &[] },
+            gait: first.then_some(&self.gait),
+            ..Input::default()
         };
-        Ok(JointCommand {
-            position_rad: at.position_rad,
-            velocity_rad_s: at.velocity_rad_s,
-            kp: self.gait.kp(side),
-            kd: self.gait.kd(side),
-            torque_nm: at.torque_nm,
-        })
+        let output = self.controller.step(&input, now);
+        self.estimate = output.estimate.unwrap_or(Estimator::WAITING);
+        self.report = output.balance.unwrap_or(self.report);
+        if output.mode == Mode::Walking { Ok(output.command) } else { Err(self.why(&output)) }
+    }
+
+    fn why(&self, output: &Output) -> String {
+        let names = &self.controller.config().joint_names;
+        if let Some(Err(refusal)) = output.reply(0) {
+            return refusal.to_string();
+        }
+        output.report.map_or_else(
+            || format!("it is {}", output.mode.name()),
+            |report| report.joint.map_or(String::new(), |j| format!("{} ", names[j])) + report.fault.name(),
+        )
     }
 }

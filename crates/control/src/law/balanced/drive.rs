@@ -3,6 +3,7 @@
 use super::BalanceConfig;
 use estimator::Estimator;
 use nalgebra::Vector2;
+use std::time::Duration;
 
 /// A velocity that is asked for, in the robot's heading frame.
 #[derive(Clone, Copy, Debug, Default, PartialEq, serde::Serialize, serde::Deserialize)]
@@ -20,6 +21,24 @@ impl Velocity {
     /// Whether every number is finite.
     pub fn is_finite(&self) -> bool {
         self.forward_m_s.is_finite() && self.left_m_s.is_finite() && self.yaw_rad_s.is_finite()
+    }
+}
+
+/// A velocity that somebody asked for, and when: it is obeyed until it is old.
+#[derive(Clone, Copy, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct VelocityCommand {
+    /// What was asked.
+    pub velocity: Velocity,
+    /// When it came in, on the clock of `now`.
+    pub arrived: Duration,
+}
+
+impl VelocityCommand {
+    /// What is to be walked at `now`: nothing once it is older than `timeout_s`, from the future, or no number.
+    pub fn at(&self, now: Duration, timeout_s: f64) -> Velocity {
+        let fresh = now.checked_sub(self.arrived).is_some_and(|age| age.as_secs_f64() <= timeout_s);
+        if fresh && self.velocity.is_finite() { self.velocity } else { Velocity::default() }
     }
 }
 

@@ -4,13 +4,15 @@
 //! swing toes placed where the body will be caught, and its step hurried where it could not be caught in time.
 //! Below it the paper's law is unchanged: τ = kp (θ′ − q) + kd (dθ′/dt − q̇) + the plan's compensating torque.
 
-mod config;
 mod drive;
 mod ground;
 mod reference;
+mod walk;
 
-pub use config::{BalanceConfig, VelocityLimit};
-pub use drive::Velocity;
+pub use crate::balance_config::{BalanceConfig, VelocityLimit, default};
+pub use drive::{Velocity, VelocityCommand};
+pub(crate) use reference::swings;
+pub(crate) use walk::{Balanced, Trouble};
 
 use crate::prepared_gait::Instant;
 use crate::{JOINTS, PreparedGait};
@@ -19,7 +21,7 @@ use estimator::Estimator;
 use gait::StepSide;
 use ground::Ground;
 use nalgebra::{Vector2, Vector3};
-use reference::{Planned, Shape, of_leg, smooth, swings};
+use reference::{Planned, Shape, of_leg, smooth};
 
 /// The reference's rate is its change over this phase.
 const STEP: f64 = 1e-3;
@@ -180,9 +182,42 @@ impl Balance {
         }
         // Less than a cycle is carried over.
         self.phase = (self.phase - 1.0).min(self.rate_s * cycle.dt_s);
+        let ended_rad = self.ended_rad(cycle);
+        self.switch(cycle, ended_rad);
+        self.steps += 1;
+        true
+    }
+
+    /// Follows a clock that owns the phase and counts the steps; true at a switch.
+    pub fn follow(&mut self, cycle: &Cycle, steps: u64, phase: f64) -> bool {
+        self.phase = phase;
+        let switched = steps != self.steps;
+        if switched {
+            let ended_rad = self.ended_rad(cycle);
+            self.switch(cycle, ended_rad);
+            self.steps = steps;
+        }
+        switched
+    }
+
+    /// Follows it over a switch at which another gait, the cycle's, was taken up: `ended_rad` was asked for before.
+    pub fn change(&mut self, cycle: &Cycle, steps: u64, phase: f64, ended_rad: [f64; JOINTS]) {
+        self.phase = phase;
+        self.switch(cycle, ended_rad);
+        self.steps = steps;
+        self.adopt(cycle);
+    }
+
+    /// Joints at the very end of the present step.
+    fn ended_rad(&self, cycle: &Cycle) -> [f64; JOINTS] {
         let shape = self.shape(cycle);
         let placement = Vector2::from(self.report.placement_m);
-        self.ended_rad = Some(shape.placed(1.0, &shape.planned(1.0), placement).joints_rad);
+        shape.placed(1.0, &shape.planned(1.0), placement).joints_rad
+    }
+
+    /// The present step has ended, at these joints.
+    fn switch(&mut self, cycle: &Cycle, ended_rad: [f64; JOINTS]) {
+        self.ended_rad = Some(ended_rad);
         for leg in 0..4 {
             if self.swings()[leg] {
                 self.offsets_m[leg] = self.report.placement_m;
@@ -190,8 +225,6 @@ impl Balance {
         }
         let frames = self.ground.frames(cycle.estimate);
         self.ground.fit(cycle.config, &toes_m(cycle), &frames, cycle.config.ground_gain);
-        self.steps += 1;
-        true
     }
 
     /// The reference of this cycle, towards `asked`.

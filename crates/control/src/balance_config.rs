@@ -42,8 +42,20 @@ pub struct BalanceConfig {
     pub heading_gain_s: f64,
     /// Velocity for each m from the place to be held, 1/s.
     pub position_gain_s: f64,
+    /// A velocity command older than this counts as none: it steps in place, s.
+    pub command_timeout_s: f64,
+    /// Without a good estimate it walks on for this long, s.
+    pub estimate_patience_s: f64,
+    /// With placement or hurrying at their limits it walks on for this long, s.
+    pub limited_patience_s: f64,
     /// Largest commanded speed ahead, backward and to a side, m/s, and turning, rad/s.
     pub velocity_limit: VelocityLimit,
+}
+
+/// Values of [`BalanceConfig::for_robot`] that a user may want to change, whatever the robot.
+pub mod default {
+    /// [`super::BalanceConfig::command_timeout_s`].
+    pub const COMMAND_TIMEOUT_S: f64 = 0.5;
 }
 
 /// Largest commanded velocities.
@@ -87,6 +99,9 @@ impl BalanceConfig {
             speed_integral_rate_s: 0.1,
             heading_gain_s: 1.0,
             position_gain_s: 0.5,
+            command_timeout_s: default::COMMAND_TIMEOUT_S,
+            estimate_patience_s: 0.05,
+            limited_patience_s: 0.5,
             velocity_limit: VelocityLimit {
                 forward_m_s: 0.43 * speed_m_s,
                 backward_m_s: 0.2 * speed_m_s,
@@ -119,6 +134,9 @@ impl BalanceConfig {
             ("balance.speed_integral_rate_s", self.speed_integral_rate_s, 0.0, 10.0),
             ("balance.heading_gain_s", self.heading_gain_s, 0.0, 10.0),
             ("balance.position_gain_s", self.position_gain_s, 0.0, 10.0),
+            ("balance.command_timeout_s", self.command_timeout_s, 0.01, 10.0),
+            ("balance.estimate_patience_s", self.estimate_patience_s, 0.0, 0.5),
+            ("balance.limited_patience_s", self.limited_patience_s, 0.0, 10.0),
             ("balance.velocity_limit.forward_m_s", limit.forward_m_s, 0.0, 10.0),
             ("balance.velocity_limit.backward_m_s", limit.backward_m_s, 0.0, 10.0),
             ("balance.velocity_limit.lateral_m_s", limit.lateral_m_s, 0.0, 10.0),

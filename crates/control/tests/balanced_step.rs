@@ -1,0 +1,315 @@
+//! The balanced law in the controller's own step: off it is the paper's law to the bit, on it allocates nothing, goes
+//! on from its record to the bit, and what keeps it from going on is a fault with a name within a bound.
+
+mod common;
+use common::measured;
+use control::balanced::BalanceConfig;
+use control::{
+    Config, Controller, Fault, InertialState, Input, JOINTS, JointCommand, JointState, Mode, Output, PreparedGait,
+    Refusal, Request, Snapshot, Velocity, VelocityCommand,
+};
+use gait::Gait;
+use robot::Robot;
+use std::time::{Duration, Instant};
+
+#[global_allocator]
+static ALLOCATOR: realtime::CountingAllocator = realtime::CountingAllocator;
+
+const PERIOD: Duration = Duration::from_millis(1);
+
+fn config(balanced: bool) -> Config {
+    let robot = Robot::from_toml_str(
+        include_str!("../../../config/robots/vision60/robot.toml"),
+        include_str!("../../../config/robots/vision60/vision60.urdf"),
+    )
+    .unwrap();
+    let balance = balanced.then(|| BalanceConfig::for_robot(&robot).unwrap());
+    Config { simulation_start: true, balance, ..Config::for_robot(&robot) }
+}
+
+/// A robot whose joints go where they are told, on a base that is level but for what a test does to it.
+#[derive(Clone)]
+struct Bench {
+    controller: Controller,
+    gait: PreparedGait,
+    now: Duration,
+    joints: JointState,
+    unit: Option<InertialState>,
+    /// The unit says something new in every cycle.
+    speaks: bool,
+    force_m_s2: [f64; 3],
+    turning_rad_s: [f64; 3],
+    velocity: Option<VelocityCommand>,
+}
+
+impl Bench {
+    fn new(config: Config) -> Self {
+        let gait = Gait::from_json(include_str!("../../../nodes/sim_bridge/tests/data/amble.json")).unwrap();
+        let now = Duration::from_secs(5);
+        let unit = InertialState {
+            stamp: now,
+            arrived: now,
+            attitude_xyzw: Some([0.0, 0.0, 0.0, 1.0]),
+            angular_velocity_rad_s: Some([0.0; 3]),
+            acceleration_m_s2: Some([0.0, 0.0, 9.81]),
+        };
+        Self {
+            gait: PreparedGait::new(&gait, &config).unwrap(),
+            joints: JointState {
+                stamp: now,
+                arrived: [now; JOINTS],
+                position_rad: gait.initial.joint_position_rad,
+                velocity_rad_s: gait.initial.joint_velocity_rad_s,
+                temperature_c: None,
+                drive_error: [0; JOINTS],
+            },
+            controller: Controller::new(config).unwrap(),
+            now,
+            unit: Some(unit),
+            speaks: true,
+            force_m_s2: [0.0, 0.0, 9.81],
+            turning_rad_s: [0.0; 3],
+            velocity: None,
+        }
+    }
+
+    fn cycle(&mut self, requests: &[Request]) -> Output {
+        self.now += PERIOD;
+        (self.joints.stamp, self.joints.arrived) = (self.now, [self.now; JOINTS]);
+        if let Some(unit) = self.unit.as_mut().filter(|_| self.speaks) {
+            (unit.stamp, unit.arrived) = (self.now, self.now);
+            unit.acceleration_m_s2 = Some(self.force_m_s2);
+            unit.angular_velocity_rad_s = Some(self.turning_rad_s);
+        }
+        let input = Input {
+            joints: Some(&self.joints),
+            inertial: self.unit,
+            velocity: self.velocity,
+            requests,
+            gait: (!requests.is_empty()).then_some(&self.gait),
+            ..Input::default()
+        };
+        let output = self.controller.step(&input, self.now);
+        if output.mode.is_moving() {
+            self.joints.position_rad = output.command.position_rad;
+            self.joints.velocity_rad_s = output.command.velocity_rad_s;
+        }
+        output
+    }
+
+    fn run(&mut self, cycles: usize) -> Vec<Output> {
+        (0..cycles).map(|_| self.cycle(&[])).collect()
+    }
+
+    /// On the gait.
+    fn walking(config: Config) -> Self {
+        let mut bench = Self::new(config);
+        let begun = bench.cycle(&[Request::StartOnGait]);
+        assert_eq!((begun.mode, begun.reply(0)), (Mode::Walking, Some(Ok(Mode::Walking))));
+        bench
+    }
+
+    /// Armed, stood up, walking: in so many cycles.
+    fn walked_out_of_standing(config: Config) -> Self {
+        let mut bench = Self::new(config);
+        bench.joints.position_rad = bench.controller.config().stand.position_rad;
+        bench.joints.velocity_rad_s = [0.0; JOINTS];
+        bench.cycle(&[Request::Arm]);
+        bench.cycle(&[Request::Stand, Request::Walk]);
+        while bench.cycle(&[]).mode != Mode::Walking {
+            assert!(bench.now < Duration::from_secs(20), "{:?}", bench.controller.mode());
+        }
+        bench
+    }
+
+    /// Cycles until the robot is damped, and what was said then.
+    fn until_fault(&mut self, at_most: usize) -> (usize, Output) {
+        for n in 1..=at_most {
+            let output = self.cycle(&[]);
+            if output.mode == Mode::Fault {
+                assert!(output.command.kp == [0.0; JOINTS] && output.command.torque_nm == [0.0; JOINTS]);
+                return (n, output);
+            }
+            assert_within_limits(self.controller.config(), &output.command);
+        }
+        panic!("{:?} after {at_most} cycles", self.controller.mode());
+    }
+}
+
+fn assert_within_limits(config: &Config, command: &JointCommand) {
+    assert!(command.is_finite());
+    for j in 0..JOINTS {
+        assert!((config.position_min_rad[j]..=config.position_max_rad[j]).contains(&command.position_rad[j]));
+        assert!(command.velocity_rad_s[j].abs() <= config.velocity_limit_rad_s[j]);
+    }
+}
+
+fn drive(forward_m_s: f64, left_m_s: f64, yaw_rad_s: f64) -> Velocity {
+    Velocity { forward_m_s, left_m_s, yaw_rad_s }
+}
+
+#[test]
+fn without_an_inertial_unit_balance_walks_the_papers_law_to_the_bit() {
+    let (mut off, mut on) = (Bench::walking(config(false)), {
+        let mut bench = Bench::new(config(true));
+        bench.unit = None;
+        bench.cycle(&[Request::StartOnGait]);
+        bench
+    });
+    off.unit = None;
+    let commands = |bench: &mut Bench| bench.run(3000).iter().map(|said| (said.command, said.mode)).collect::<Vec<_>>();
+    assert_eq!(commands(&mut off), commands(&mut on));
+}
+
+#[test]
+fn with_balance_off_a_unit_and_a_velocity_change_nothing_to_the_bit() {
+    let (mut alone, mut told) = (Bench::walking(config(false)), Bench::walking(config(false)));
+    alone.unit = None;
+    told.velocity = Some(VelocityCommand { velocity: drive(0.3, 0.1, 0.2), arrived: told.now });
+    assert_eq!(alone.run(3000), told.run(3000));
+}
+
+/// Over switches, a stop, standing, and walking out of standing, driven.
+#[test]
+fn a_balanced_cycle_allocates_nothing() {
+    let mut bench = Bench::walked_out_of_standing(config(true));
+    let before = realtime::allocations_of_this_thread();
+    let mut steps = 0;
+    let mut spent = [Duration::ZERO; 3000];
+    for (n, spent) in spent.iter_mut().enumerate() {
+        bench.velocity = Some(VelocityCommand { velocity: drive(0.3, 0.05, 0.2), arrived: bench.now });
+        let begun = Instant::now();
+        let output = bench.cycle(match n {
+            2000 => &[Request::Stop],
+            2200 => &[Request::Walk],
+            _ => &[],
+        });
+        *spent = begun.elapsed();
+        steps = steps.max(output.step_index);
+    }
+    assert_eq!(realtime::allocations_of_this_thread(), before);
+    assert!(steps >= 4, "{steps} steps");
+    spent.sort_unstable();
+    println!("a balanced step: median {:?}, 99 % {:?}", spent[1500], spent[2970]);
+}
+
+#[test]
+fn a_balanced_walk_goes_on_from_its_record_to_the_bit() {
+    for at in [1, 250, 404, 1111] {
+        let mut first = Bench::walked_out_of_standing(config(true));
+        first.velocity = Some(VelocityCommand { velocity: drive(0.2, -0.05, 0.3), arrived: first.now });
+        first.run(at);
+        first.force_m_s2[1] = 3.0;
+        first.run(40);
+        first.force_m_s2[1] = 0.0;
+        let text = serde_json::to_string(&first.controller.snapshot()).unwrap();
+        let snapshot: Snapshot = serde_json::from_str(&text).unwrap();
+        let mut second = first.clone();
+        second.controller = Controller::resume(first.controller.config().clone(), &snapshot).unwrap();
+        assert!(first.run(1).iter().all(|said| said.balance.is_some()), "it does not walk in balance");
+        second.run(1);
+        assert_eq!(first.run(1500), second.run(1500), "from cycle {at}");
+    }
+}
+
+#[test]
+fn a_memory_of_a_version_without_balance_is_read() {
+    let mut memory = serde_json::to_value(Bench::walking(config(false)).controller.snapshot()).unwrap();
+    memory.as_object_mut().unwrap().remove("estimate").expect("the memory has the estimate");
+    let read: Snapshot = serde_json::from_value(memory).unwrap();
+    assert_eq!(read, Bench::walking(config(false)).controller.snapshot());
+}
+
+#[test]
+fn an_old_velocity_is_walked_in_place() {
+    let mut bench = Bench::walking(config(true));
+    let timeout_s = bench.controller.config().balance.unwrap().command_timeout_s;
+    let command = VelocityCommand { velocity: drive(0.3, 0.1, 0.4), arrived: bench.now };
+    let at = |after_s: f64| command.at(bench.now + Duration::from_secs_f64(after_s), timeout_s);
+    assert_eq!(at(timeout_s), command.velocity);
+    assert_eq!(at(timeout_s + 0.001), Velocity::default());
+    assert_eq!(command.at(bench.now - PERIOD, timeout_s), Velocity::default());
+    let nan = VelocityCommand { velocity: drive(f64::NAN, 0.0, 0.0), ..command };
+    assert_eq!(nan.at(bench.now, timeout_s), Velocity::default());
+    // The same message for good: walked as long as it is fresh, and the stance stands still some time after.
+    bench.velocity = Some(command);
+    let speed = |said: &[Output]| {
+        let v = said.last().unwrap().estimate.unwrap().velocity_m_s();
+        v[0].hypot(v[1])
+    };
+    let (driven, after) = (bench.run(450), bench.run(2500));
+    assert!(speed(&driven) > 0.2, "{}", speed(&driven));
+    assert!(speed(&after) < 0.1, "{}", speed(&after));
+    assert_eq!(bench.controller.mode(), Mode::Walking);
+}
+
+/// Timeout of the data (20), patience (50), and the cycle that notices.
+#[test]
+fn a_unit_that_falls_silent_is_estimate_lost() {
+    let mut bench = Bench::walking(config(true));
+    bench.run(700);
+    bench.speaks = false;
+    let (cycles, output) = bench.until_fault(100);
+    assert!(output.faults.contains(Fault::EstimateLost), "{:?}", output.faults);
+    assert!(cycles <= 20 + 50 + 2, "{cycles}");
+    measured("a_unit_that_falls_silent_is_estimate_lost", cycles);
+    // It does not walk again before the unit is heard.
+    bench.cycle(&[Request::ClearFault(Fault::EstimateLost)]);
+    bench.cycle(&[Request::Disarm]);
+    let refused = bench.cycle(&[Request::StartOnGait]);
+    assert_eq!(refused.reply(0), Some(Err(Refusal::NoEstimate)));
+}
+
+#[test]
+fn a_unit_that_says_what_cannot_be_is_estimate_lost() {
+    let mut bench = Bench::walking(config(true));
+    bench.run(700);
+    bench.turning_rad_s[0] = 90.0;
+    let (cycles, output) = bench.until_fault(100);
+    assert!(output.faults.contains(Fault::EstimateLost), "{:?}", output.faults);
+    assert!(cycles <= 50 + 2, "{cycles}");
+    measured("a_unit_that_says_what_cannot_be_is_estimate_lost", cycles);
+}
+
+/// A short gap, as of lost messages, is walked over.
+#[test]
+fn a_unit_that_is_silent_for_a_moment_is_walked_on() {
+    let mut bench = Bench::walking(config(true));
+    for _ in 0..10 {
+        bench.run(100);
+        bench.speaks = false;
+        bench.run(40);
+        bench.speaks = true;
+    }
+    assert_eq!(bench.controller.mode(), Mode::Walking);
+}
+
+/// The unit has no attitude of its own; the estimate says how far the base is tilted.
+#[test]
+fn a_base_that_turns_over_by_its_estimate_is_a_tilt() {
+    let mut bench = Bench::walking(config(true));
+    bench.run(300);
+    bench.unit.as_mut().unwrap().attitude_xyzw = None;
+    bench.turning_rad_s[0] = 10.0;
+    let (cycles, output) = bench.until_fault(200);
+    assert!(output.faults.contains(Fault::Tilt), "{:?}", output.faults);
+    // 0.8 rad at 10 rad/s.
+    assert!(cycles <= 90, "{cycles}");
+}
+
+/// A base that is pushed without end: the steps are at their limits, and no longer than they may be.
+#[test]
+fn a_push_without_end_is_balance_lost() {
+    let mut config = config(true);
+    // Joints that go where they are told never meet these.
+    config.balance.as_mut().unwrap().estimator.speed_limit_m_s = 100.0;
+    config.tilt_limit_rad = 1.5;
+    let mut bench = Bench::walking(config);
+    bench.run(300);
+    bench.force_m_s2[1] = 60.0;
+    let (cycles, output) = bench.until_fault(3000);
+    assert!(output.faults.contains(Fault::BalanceLost), "{:?}", output.faults);
+    let patience_s = bench.controller.config().balance.unwrap().limited_patience_s;
+    println!("balance_lost after {cycles} cycles of a push");
+    assert!(output.report.unwrap().value <= patience_s + 0.002);
+}

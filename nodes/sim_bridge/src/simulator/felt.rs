@@ -1,0 +1,31 @@
+//! The accelerometer.
+
+use super::Simulator;
+
+/// Sum of the accelerometer's readings since it was asked last, m/s², and how many there were.
+#[derive(Default)]
+pub(super) struct Felt {
+    sum: [f64; 3],
+    count: u32,
+}
+
+impl Simulator {
+    /// What an accelerometer at the base's origin reads, in the base's axes, m/s².
+    pub fn specific_force_body(&self) -> [f64; 3] {
+        let sensors = self.data.sensordata();
+        [sensors[0], sensors[1], sensors[2]]
+    }
+
+    /// Its mean since this was asked last, as a unit gives that filters before it samples.
+    pub fn felt_specific_force_body(&mut self) -> [f64; 3] {
+        let Felt { sum, count } = std::mem::take(&mut self.felt);
+        if count == 0 { self.specific_force_body() } else { sum.map(|sum| sum / f64::from(count)) }
+    }
+
+    /// After every physics step.
+    pub(super) fn feel(&mut self) {
+        let force = self.specific_force_body();
+        self.felt.sum = std::array::from_fn(|axis| self.felt.sum[axis] + force[axis]);
+        self.felt.count += 1;
+    }
+}
