@@ -23,6 +23,10 @@ def generate_launch_description():
         DeclareLaunchArgument(
             "use_sim_time", default_value="true", choices=["true", "false"], description="Stamps by /clock, which the simulation publishes."
         ),
+        DeclareLaunchArgument(
+            "balance", default_value="false", choices=["true", "false"],
+            description="Walk in balance and obey cmd_vel; the controller publishes odom, the simulation ground_truth/odom.",
+        ),
         DeclareLaunchArgument("initial_posture", default_value="sit", choices=["sit", "stand"], description="At the start."),
     ]
     value = LaunchConfiguration
@@ -31,12 +35,13 @@ def generate_launch_description():
     mode = {"mode": value("mode")}
     # The simulation makes /clock and stamps by itself.
     time = {"use_sim_time": ParameterValue(value("use_sim_time"), value_type=bool)}
+    balance = ParameterValue(value("balance"), value_type=bool)
     scene = {"terrain": value("terrain"), "initial_posture": value("initial_posture")}
     nodes = [
         Node(package="tandem_planner", executable="tandem_planner", namespace=namespace, parameters=[robot, time]),
-        Node(package="tandem_controller", executable="tandem_controller", namespace=namespace, parameters=[robot, mode, time]),
+        Node(package="tandem_controller", executable="tandem_controller", namespace=namespace, parameters=[robot, mode, time, {"balance": balance}]),
         Node(
-            package="tandem_sim_bridge", executable="tandem_sim_bridge", namespace=namespace, parameters=[robot, mode, scene]
+            package="tandem_sim_bridge", executable="tandem_sim_bridge", namespace=namespace, parameters=[robot, mode, scene, {"ground_truth": balance}]
         ),
     ]
     return LaunchDescription(arguments + nodes)

@@ -59,6 +59,13 @@ messages! { "geometry_msgs";
         /// rad/s.
         angular: Vector3,
     }
+    /// A velocity with its frame and time.
+    TwistStamped {
+        /// Time and frame.
+        header: Header,
+        /// The velocity.
+        twist: Twist,
+    }
     /// Force and moment.
     #[derive(Copy)]
     Wrench {

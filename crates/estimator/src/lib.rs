@@ -170,6 +170,11 @@ impl Estimator {
         self.velocity_m_s
     }
 
+    /// The same in the base's axes, m/s.
+    pub fn velocity_in_base_m_s(&self) -> [f64; 3] {
+        (self.rotation().transpose() * Vector3::from(self.velocity_m_s)).into()
+    }
+
     /// The base's origin from where it began, m.
     pub fn position_m(&self) -> [f64; 3] {
         self.position_m

@@ -1,10 +1,11 @@
 //! The node's parameters.
 
 use crate::dds_bus::CycleClock;
+use crate::drive::DriveParameters;
 use crate::record_root;
 use control::{Config, DriveMode, default};
 use realtime::RealtimeRequest;
-use robot::Robot;
+use robot::{Robot, RobotError};
 use ros::{Node, RosError};
 use std::path::PathBuf;
 use std::time::Duration;
@@ -44,6 +45,8 @@ pub struct Parameters {
     pub middleware_timeout: Option<Duration>,
     /// Start on the gait as soon as there is one: the robot is simulated and put there.
     pub start_on_gait: bool,
+    /// Balance and driving.
+    pub drive: DriveParameters,
     /// The folder below which every recording lies.
     pub record_root: Option<PathBuf>,
     /// Every run is recorded, into a folder named by its time.
@@ -188,13 +191,12 @@ impl Parameters {
             .read_only()
             .declare()?
             .get();
-        let lock_memory = flag("lock_memory", true, "Lock the process's memory.")?;
+        let drive = DriveParameters::declare(node)?;
         let start_on_gait = flag(
             "simulation_start_on_gait",
             false,
             "The robot is simulated and put on the gait's first instant: arm and walk as soon as a gait is there. Never for a real robot.",
         )?;
-        let record_root = record_root(node)?;
         let record_every_run = flag(
             "record_every_run",
             false,
@@ -251,7 +253,7 @@ impl Parameters {
             realtime: RealtimeRequest {
                 priority: u8::try_from(priority).ok().filter(|p| *p > 0),
                 core: usize::try_from(core).ok(),
-                lock_memory,
+                lock_memory: flag("lock_memory", true, "Lock the process's memory.")?,
                 ..RealtimeRequest::default()
             },
             period: Duration::from_nanos((period_s * 1e9).round() as u64),
@@ -260,7 +262,8 @@ impl Parameters {
             heartbeat: (heartbeat_s > 0.0).then(|| Duration::from_secs_f64(heartbeat_s)),
             middleware_timeout: (!lockstep).then(|| Duration::from_secs_f64(middleware_timeout_s)),
             start_on_gait,
-            record_root,
+            record_root: record_root(node)?,
+            drive,
             record_every_run,
             split_bytes: (split_mb > 0.0).then_some((split_mb * 1e6) as u64),
             split_duration: (split_s > 0.0).then(|| Duration::from_secs_f64(split_s)),
@@ -320,9 +323,12 @@ impl Parameters {
     }
 
     /// The controller's configuration for a robot.
-    pub fn control(&self, robot: &Robot) -> Config {
+    ///
+    /// # Errors
+    /// As [`DriveParameters::apply`].
+    pub fn control(&self, robot: &Robot) -> Result<Config, RobotError> {
         let v = &self.values;
-        Config {
+        let config = Config {
             drive_mode: v.drive_mode,
             simulation_start: self.start_on_gait,
             control_period_s: self.period.as_secs_f64(),
@@ -334,6 +340,7 @@ impl Parameters {
             tracking_error_rad: v.tracking_error_rad,
             tilt_limit_rad: v.tilt_limit_rad,
             ..Config::for_robot(robot)
-        }
+        };
+        self.drive.apply(robot, config)
     }
 }

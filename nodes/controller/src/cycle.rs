@@ -5,7 +5,7 @@ use crate::emergency_stop::EmergencyStop;
 use crate::tape::Tape;
 use control::{
     Controller, FaultReport, GaitName, InertialState, Input, JOINTS, JointState, MAX_REQUESTS, Output, PreparedGait,
-    Request,
+    Request, Velocity, VelocityCommand,
 };
 use joint_bus::{BusHealth, JointBus, Readings};
 use realtime::{Histogram, Periodic, RealtimeRequest, Warning, monotonic_now};
@@ -114,6 +114,8 @@ pub struct Cycle {
     pub controller: Controller,
     /// What the inertial unit says, in.
     pub inertial: Consumer<TimedInertial>,
+    /// Velocities that are asked for, in.
+    pub velocities: Consumer<Velocity>,
     /// Requests in.
     pub asked: Consumer<Asked>,
     /// Gaits in, numbered from 1.
@@ -162,15 +164,19 @@ impl Cycle {
             let state = InertialState { arrived: now, ..newer.state };
             memory.inertial = Some(TimedInertial { state, ..newer });
         }
+        while let Ok(velocity) = self.velocities.pop() {
+            memory.velocity = Some(VelocityCommand { velocity, arrived: now });
+        }
         let inertial = memory
             .inertial
-            .filter(|unit| wall.saturating_sub(unit.wall) < INERTIAL_MEMORY)
+            // In lockstep time may stand still.
+            .filter(|unit| memory.age(unit, now, wall) < INERTIAL_MEMORY)
             .map(|unit| unit.state.to_resolution());
         let state = state.map(|state| state.to_resolution());
         let input = Input {
             joints: state.as_ref(),
             inertial,
-            velocity: None,
+            velocity: memory.velocity,
             requests: &requests[..count],
             gait: gait.as_ref(),
             // Each is asked: a press that one cycle has seen is not kept for the next.
@@ -248,7 +254,7 @@ impl Cycle {
     /// that was answered before, which gets the same answer again. What is asked between two stamps is applied at the
     /// second, so that a run is the same to the bit however its processes are scheduled.
     pub fn run_lockstep(mut self, mut bus: DdsBus) {
-        let mut memory = Memory::default();
+        let mut memory = Memory { lockstep: true, ..Memory::default() };
         let mut readings = Readings::default();
         let mut last: Option<Duration> = None;
         loop {
@@ -300,12 +306,19 @@ struct Measured<'a> {
 #[derive(Default)]
 struct Memory {
     inertial: Option<TimedInertial>,
+    /// The newest velocity that was asked for.
+    velocity: Option<VelocityCommand>,
+    lockstep: bool,
     latency: Durations,
     compute: Durations,
     missed_cycles: u64,
 }
 
 impl Memory {
+    fn age(&self, unit: &TimedInertial, now: Duration, wall: Duration) -> Duration {
+        if self.lockstep { now.saturating_sub(unit.state.arrived) } else { wall.saturating_sub(unit.wall) }
+    }
+
     fn timing(&mut self) -> Timing {
         let (latency, recent_latency) = self.latency.report();
         let (compute, recent_compute) = self.compute.report();

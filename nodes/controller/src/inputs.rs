@@ -21,16 +21,19 @@ pub enum Topic {
     JointStates,
     /// `imu`.
     Imu,
+    /// `cmd_vel`.
+    CmdVel,
 }
 
 impl Topic {
-    const ALL: [Self; 2] = [Self::JointStates, Self::Imu];
+    const ALL: [Self; 3] = [Self::JointStates, Self::Imu, Self::CmdVel];
 
     /// Its name, relative to the node's namespace.
     pub fn name(self) -> &'static str {
         match self {
             Self::JointStates => "joint_states",
             Self::Imu => "imu",
+            Self::CmdVel => "cmd_vel",
         }
     }
 }

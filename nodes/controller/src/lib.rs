@@ -1,4 +1,4 @@
-//! ROS 2 node: walks a gait with the paper's PD law.
+//! ROS 2 node: walks a gait with the paper's PD law, in balance where that is asked for.
 //!
 //! The node has four parts that meet only through wait-free buffers:
 //!
@@ -19,8 +19,10 @@ pub mod config;
 pub mod cycle;
 pub mod dds_bus;
 pub mod desk;
+pub mod drive;
 pub mod emergency_stop;
 pub mod inputs;
+pub mod odometry;
 pub mod others;
 pub mod ports;
 pub mod press;

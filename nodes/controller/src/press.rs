@@ -4,6 +4,7 @@ use crate::cycle::{Said, Timing};
 use crate::dds_bus::Speaker;
 use crate::desk::Desk;
 use crate::inputs::InputProblems;
+use crate::odometry::{self, Odometer};
 use crate::ports;
 use crate::tape::{self, Recording};
 use control::{DampingReason, Fault, FaultReport, JOINTS, Mode};
@@ -43,6 +44,7 @@ pub struct Press {
     publish_failures: u64,
     recording: Arc<Recording>,
     problems: Arc<InputProblems>,
+    odometer: Option<Odometer>,
     /// A press that hangs sends no commands and no states.
     pulse: Pulse,
 }
@@ -79,8 +81,15 @@ impl Press {
             publish_failures: 0,
             recording,
             problems,
+            odometer: None,
             pulse: node.stop().health().watch(),
         })
+    }
+
+    /// Publishes the estimate of the base too.
+    #[must_use]
+    pub fn with_odometry(self, odometer: Option<Odometer>) -> Self {
+        Self { odometer, ..self }
     }
 
     /// Publishes until `cycle_ended`, and everything that was said until then.
@@ -124,6 +133,9 @@ impl Press {
             let sent = port.publish(ports::joint_states(readings, &self.joint_names, answered));
             self.note(sent);
         }
+        if let Some(sent) = self.odometer.as_ref().map(|odometer| odometer.print(output)) {
+            self.note(sent);
+        }
         let changed = self.last.mode != Some(output.mode) || self.last.report != output.report;
         self.log(said);
         self.last.mode = Some(output.mode);
@@ -148,6 +160,9 @@ impl Press {
                 (Mode::Damping, Some(DampingReason::EmergencyStop)) => tracing::error!("emergency stop: damping"),
                 (Mode::Damping, Some(DampingReason::StaleJointState)) => {
                     tracing::error!("the joint states have stopped coming: damping");
+                }
+                (Mode::Walking, _) if output.estimate.is_some() && output.balance.is_none() => {
+                    tracing::warn!("walking without balance: no inertial unit was heard");
                 }
                 (mode, _) => tracing::info!("{}", mode.name()),
             }
@@ -232,6 +247,7 @@ impl Press {
                 values.push(value(&format!("{what}_{name}_us"), us(duration)));
             }
         }
+        values.extend(odometry::told(output));
         if let Some(bus) = &said.bus {
             for (n, link) in bus.links[..bus.count].iter().enumerate() {
                 values.push(value(

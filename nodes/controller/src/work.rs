@@ -6,8 +6,10 @@ use crate::config::{Pace, Parameters};
 use crate::cycle::{Cycle, Middleware};
 use crate::dds_bus::{CycleClock, DEPTH, DdsBus, Speaker};
 use crate::desk::{Desk, Sensors};
+use crate::drive;
 use crate::emergency_stop::EmergencyStop;
 use crate::inputs::InputProblems;
+use crate::odometry::Odometer;
 use crate::others::OtherSpeakers;
 use crate::press::{self, Press, PressRoom};
 use crate::tape::{self, Recording, Subject};
@@ -123,7 +125,7 @@ impl Work {
         for note in &robot.notes {
             tracing::info!("robot '{}': {note}", robot.name);
         }
-        let config = parameters.control(&robot);
+        let config = parameters.control(&robot)?;
         let controller = Controller::new(config.clone())?;
         let drives = parameters.bus_file.as_deref().map(|file| open_bus(file, &robot, &config)).transpose()?;
         let on_bus = drives.is_some();
@@ -135,6 +137,7 @@ impl Work {
         let (states_in, states) = RingBuffer::new(DEPTH);
         let (commands_in, commands) = RingBuffer::new(DEPTH);
         let (inertial_in, inertial) = RingBuffer::new(64);
+        let (velocities_in, velocities) = RingBuffer::new(drive::DEPTH);
         let (asked_in, asked) = RingBuffer::new(64);
         let (gaits_in, gaits) = RingBuffer::new(16);
         let (said_in, said) = RingBuffer::new(1024);
@@ -174,7 +177,12 @@ impl Work {
         let joint_names = config.joint_names.each_ref().map(|name| format!("{}{name}", parameters.joint_prefix));
         let speaker = (!on_bus).then(|| Speaker::new(&node, joint_names.clone(), commands, lockstep)).transpose()?;
         let every = (parameters.state_every, parameters.joint_states_every);
-        let press = Press::new(&node, joint_names.clone(), every, speaker, Arc::clone(&recording), problems)?;
+        parameters.drive.listen(&node, velocities_in, Arc::clone(&problems))?;
+        let odometry_every =
+            (1.0 / (parameters.drive.odometry_rate_hz * config.control_period_s)).round().max(1.0) as u64;
+        let odometer = Odometer::new(&node, &config, &parameters.drive.frame_prefix, odometry_every, on_bus)?;
+        let press = Press::new(&node, joint_names.clone(), every, speaker, Arc::clone(&recording), problems)?
+            .with_odometry(odometer);
         let writer = std::thread::Builder::new().name("recording".into()).spawn(move || writer.run())?;
         if parameters.record_every_run
             // The robot walks without its recording; the fault stands in diagnostics until one begins.
@@ -187,6 +195,7 @@ impl Work {
         let cycle = Cycle {
             controller,
             inertial,
+            velocities,
             asked,
             gaits,
             emergency_stop: Arc::clone(&emergency_stop),
@@ -222,13 +231,7 @@ impl Work {
         for warning in warnings.recv().unwrap_or_default() {
             tracing::warn!("{warning}");
         }
-        // The stop is heard through these; below the control thread, and beside everything else that the machine does.
-        if let Some(priority) = realtime.priority.filter(|_| !lockstep).map(|own| MIDDLEWARE_PRIORITY.min(own - 1))
-            && priority > 0
-            && let Err(warning) = realtime::raise_threads(&ros::THREADS, priority)
-        {
-            tracing::warn!("the middleware's threads: {warning}");
-        }
+        raise_middleware(realtime.priority.filter(|_| !lockstep));
         let wake = lockstep.then(|| control.thread().clone());
         // On a bus the cycle reads the drives itself and joint_states is what it publishes.
         let states = (!on_bus).then_some(states_in);
@@ -249,6 +252,16 @@ impl Work {
         };
         tracing::info!("{}: disarmed, {how}", config.robot);
         Ok(running)
+    }
+}
+
+/// The stop is heard through these; below the control thread, and beside everything else that the machine does.
+fn raise_middleware(own: Option<u8>) {
+    if let Some(priority) = own.map(|own| MIDDLEWARE_PRIORITY.min(own - 1))
+        && priority > 0
+        && let Err(warning) = realtime::raise_threads(&ros::THREADS, priority)
+    {
+        tracing::warn!("the middleware's threads: {warning}");
     }
 }
 

@@ -183,16 +183,16 @@ fn walk_and_break(bus: &str, how: &str, timeout: Duration) {
     let ((_inertial, inertial), (_asked, asked)) = (RingBuffer::new(4), RingBuffer::new(4));
     // Nobody prints: what does not fit is dropped.
     let (said, _said) = RingBuffer::new(4);
-    let stop = Arc::new(AtomicBool::new(false));
     let cycle = Cycle {
         controller: Controller::new(config.clone()).unwrap(),
         inertial,
+        velocities: RingBuffer::new(1).1,
         asked,
         gaits: gaits_out,
         emergency_stop: Arc::new(EmergencyStop::new(None)),
         middleware: Middleware::new(health.clone(), Some(timeout), PERIOD),
         tape,
-        stop: Arc::clone(&stop),
+        stop: Arc::default(),
         said,
         press: std::thread::current(),
         start_on_gait: true,

@@ -77,7 +77,7 @@ struct Ports {
     joint_states: Publisher<JointState>,
     imu: Publisher<Imu>,
     odom: Publisher<Odometry>,
-    tf: Publisher<TFMessage>,
+    tf: Option<Publisher<TFMessage>>,
     clock: Publisher<Clock>,
     ground_forces: Vec<Publisher<WrenchStamped>>,
     real_time_factor: Publisher<Float64>,
@@ -143,8 +143,8 @@ impl Bridge {
         let ports = Ports {
             joint_states: node.publisher("joint_states", OFFERED)?,
             imu: node.publisher("imu", OFFERED)?,
-            odom: node.publisher("odom", OFFERED)?,
-            tf: node.publisher("/tf", Qos::reliable(100))?,
+            odom: node.publisher(if config.is_only_truth { "ground_truth/odom" } else { "odom" }, OFFERED)?,
+            tf: (!config.is_only_truth).then(|| node.publisher("/tf", Qos::reliable(100))).transpose()?,
             clock: node.publisher("/clock", OFFERED)?,
             ground_forces: robot
                 .legs
@@ -270,7 +270,7 @@ impl Bridge {
         }
         if self.period.is_multiple_of(self.config.odometry_every) {
             self.ports.odom.publish(ports::odometry(&state, &self.frames, stamp))?;
-            self.ports.tf.publish(ports::transform(&state, &self.frames, stamp))?;
+            self.ports.tf.as_ref().map_or(Ok(()), |tf| tf.publish(ports::transform(&state, &self.frames, stamp)))?;
             for (port, force) in self.ports.ground_forces.iter().zip(state.toe_force_n) {
                 port.publish(ports::ground_force(force, &self.frames, stamp))?;
             }

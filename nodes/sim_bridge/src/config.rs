@@ -43,12 +43,27 @@ pub struct Config {
     pub lockstep_timeout: Duration,
     /// Control periods between two messages of imu.
     pub imu_every: u64,
+    /// The true pose is no odometry: it goes out on `ground_truth/odom`, and not on `odom` and `/tf`.
+    pub is_only_truth: bool,
     /// Control periods between two messages of odometry, transforms and ground forces.
     pub odometry_every: u64,
     /// `stand` or `sit`: may be changed while running, for the next reset.
     pub initial_posture: Parameter<String>,
     /// How long a push lasts, s: may be changed while running.
     pub push_duration_s: Parameter<f64>,
+}
+
+fn odometry_rate_hz(node: &Node) -> Result<f64, RosError> {
+    let rate_hz = node.parameter("odometry_rate_hz", 50.0);
+    let rate_hz = rate_hz.description("Messages on odom, tf and each ground_force per simulated second.");
+    Ok(rate_hz.range(0.1, 10_000.0).read_only().declare()?.get())
+}
+
+fn is_only_truth(node: &Node) -> Result<bool, RosError> {
+    let only = node.parameter("ground_truth", false);
+    let text =
+        "The true pose goes out on ground_truth/odom, and not on odom and /tf, which are a controller's in balance.";
+    Ok(only.description(text).read_only().declare()?.get())
 }
 
 /// A parameter's value that cannot be, in ROS terms.
@@ -215,13 +230,8 @@ impl Config {
                 "In lockstep: how long to wait for a command before giving up with an error, wall s.",
             )?),
             imu_every: every(number("imu_rate_hz", 200.0, 0.1, 10_000.0, "Messages on imu per simulated second.")?),
-            odometry_every: every(number(
-                "odometry_rate_hz",
-                50.0,
-                0.1,
-                10_000.0,
-                "Messages on odom, tf and each ground_force per simulated second.",
-            )?),
+            odometry_every: every(odometry_rate_hz(node)?),
+            is_only_truth: is_only_truth(node)?,
             initial_posture: node
                 .parameter("initial_posture", "sit".to_owned())
                 .description("How the robot is put down at the start and at a reset.")

@@ -1,0 +1,135 @@
+"""Over DDS in lockstep, in balance: a client drives by cmd_vel, the controller's odom is held against the simulation's truth."""
+
+import math
+import subprocess
+import threading
+import time
+
+import pytest
+from conftest import ROOT
+from test_walk import Robot, best_effort, seconds
+
+
+class Driver:
+    """Publishes a velocity 50 times a second, as teleop_twist_keyboard and Nav2 do, until it is told to be silent."""
+
+    def __init__(self, node):
+        from geometry_msgs.msg import Twist
+
+        self.twist, self.publisher = Twist(), node.create_publisher(Twist, "cmd_vel", 10)
+        self.speaks, self.goes_on = False, True
+        self.thread = threading.Thread(target=self._speak, daemon=True)
+        self.thread.start()
+
+    def _speak(self):
+        while self.goes_on:
+            if self.speaks:
+                self.publisher.publish(self.twist)
+            time.sleep(0.02)
+
+    def ask(self, forward_m_s, left_m_s, yaw_rad_s):
+        self.twist.linear.x, self.twist.linear.y, self.twist.angular.z = forward_m_s, left_m_s, yaw_rad_s
+        self.speaks = True
+
+    def close(self):
+        self.goes_on = False
+        self.thread.join()
+
+
+@pytest.fixture
+def robot(processes, ros, tmp_path):
+    from nav_msgs.msg import Odometry
+
+    controller = ["balance:=true", f"record_root:={tmp_path}"]
+    robot = Robot(processes, ros, "", parameters=["ground_truth:=true"], controller=controller)
+    robot.truth = []
+    robot.client.node.create_subscription(Odometry, "ground_truth/odom", robot.truth.append, best_effort())
+    robot.driver = Driver(robot.client.node)
+    yield robot
+    robot.driver.close()
+    robot.close()
+
+
+def yaw(message):
+    q = message.pose.pose.orientation
+    return math.atan2(2 * (q.w * q.z + q.x * q.y), 1 - 2 * (q.y * q.y + q.z * q.z))
+
+
+def since(messages, from_s):
+    return [message for message in messages if seconds(message.header.stamp) >= from_s]
+
+
+def means(messages):
+    twists = [message.twist.twist for message in messages]
+    return [sum(of(twist) for twist in twists) / len(twists) for of in
+            (lambda t: t.linear.x, lambda t: t.linear.y, lambda t: t.angular.z)]  # fmt: skip
+
+
+def walk_for(robot, duration_s, what):
+    from_s = robot.time()
+    robot.wait(lambda: robot.time() > from_s + duration_s, 120, what)
+    return from_s
+
+
+def moved(messages):
+    a, b = (message.pose.pose.position for message in (messages[0], messages[-1]))
+    turned = yaw(messages[-1]) - yaw(messages[0])
+    return math.hypot(b.x - a.x, b.y - a.y), math.remainder(turned, math.tau)
+
+
+def test_it_is_driven_knows_where_it_is_stops_and_is_verified(robot, tmp_path):
+    from geometry_msgs.msg import WrenchStamped
+    from tandem_msgs.srv import StartRecording, StopRecording
+
+    assert robot.generate(behaviour="amble").success
+    robot.wait(lambda: robot.gaits, 10, "the gait")
+    start = robot.service(StartRecording, "start_recording")
+    assert robot.client.call(start, StartRecording.Request(folder="drive")).success
+    for request in ("arm", "stand", "walk"):
+        robot.trigger(request)
+    robot.driver.ask(0.0, 0.0, 0.0)
+    robot.pause(False)
+    robot.wait(lambda: robot.mode() == "walking", 90, "walking")
+    walk_for(robot, 3, "stepping in place")
+
+    robot.driver.ask(0.2, 0.05, 0.3)
+    walk_for(robot, 2, "speeding up")
+    from_s = walk_for(robot, 4, "driving")
+    truth, told = since(robot.truth, from_s), since(robot.odometry, from_s)
+    for got, asked, allowed in zip(means(truth), (0.2, 0.05, 0.3), (0.08, 0.04, 0.06), strict=True):
+        assert got == pytest.approx(asked, abs=allowed), means(truth)
+    for got, true in zip(means(told), means(truth), strict=True):
+        assert got == pytest.approx(true, abs=0.03), (means(told), means(truth))
+    (far, turned), (told_far, told_turned) = moved(truth), moved(told)
+    print(f"driven {means(truth)}, went {far:.3f} m, odom says {told_far:.3f} m; turned {turned:.3f}, odom {told_turned:.3f} rad")
+    assert told_far == pytest.approx(far, abs=0.05) and told_turned == pytest.approx(turned, abs=0.05)
+    last = told[-1]
+    assert (last.header.frame_id, last.child_frame_id) == ("odom", "base_link")
+    assert all(0 < last.pose.covariance[7 * n] < 1 and 0 < last.twist.covariance[7 * n] < 1 for n in range(6))
+    assert len(told) >= 0.9 * len(truth), "50 a second"
+
+    # A push of 30 N s while it drives.
+    pushes = robot.client.node.create_publisher(WrenchStamped, "push", 10)
+    robot.wait(lambda: pushes.get_subscription_count() == 1, 20, "the push is heard")
+    push = WrenchStamped()
+    push.wrench.force.y = 300.0
+    from_s = robot.time()
+    pushes.publish(push)
+    walk_for(robot, 2, "pushed")
+    off = [math.hypot(m.twist.twist.linear.x - 0.2, m.twist.twist.linear.y - 0.05) for m in since(robot.truth, from_s)]
+    assert max(off) > 0.3, f"it was not pushed: {max(off)}"
+
+    # The client falls silent: it steps in place.
+    robot.driver.speaks = False
+    walk_for(robot, 3, "stale")
+    from_s = walk_for(robot, 2, "in place")
+    assert all(abs(value) < 0.05 for value in means(since(robot.truth, from_s))), means(since(robot.truth, from_s))
+    assert robot.mode() == "walking"
+
+    robot.trigger("stop")
+    robot.wait(lambda: robot.mode() == "standing", 60, "standing")
+    stop = robot.service(StopRecording, "stop_recording")
+    assert robot.client.call(stop, StopRecording.Request()).success
+    verified = subprocess.run([ROOT / "target/release/tandem", "bag", "verify", tmp_path / "drive"], capture_output=True, text=True)
+    print(verified.stdout)
+    assert verified.returncode == 0 and "to the bit" in verified.stdout, verified.stdout + verified.stderr
