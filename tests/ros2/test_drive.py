@@ -6,7 +6,7 @@ import threading
 import time
 
 import pytest
-from conftest import ROOT
+from conftest import ROOT, wait_until
 from test_walk import Robot, best_effort, seconds
 
 
@@ -77,6 +77,21 @@ def moved(messages):
     return math.hypot(b.x - a.x, b.y - a.y), math.remainder(turned, math.tau)
 
 
+def drive_again_and_press_the_button(robot):
+    """Out of standing. The button damps, whatever is asked for."""
+    from std_srvs.srv import SetBool
+
+    robot.trigger("walk")
+    robot.driver.ask(0.3, 0.0, -0.3)
+    robot.wait(lambda: robot.mode() == "walking", 60, "walking again")
+    walk_for(robot, 2, "driving again")
+    assert means(since(robot.truth, robot.time() - 0.7))[0] > 0.15, "it goes again"
+    pressed = robot.client.call(robot.service(SetBool, "emergency_stop"), SetBool.Request(data=True))
+    assert pressed.success
+    wait_until(lambda: robot.mode() == "damping", 20, lambda: f"{robot.states[-1]}")
+    assert robot.states[-1].fault == "emergency_stop"
+
+
 def test_it_is_driven_knows_where_it_is_stops_and_is_verified(robot, tmp_path):
     from geometry_msgs.msg import WrenchStamped
     from tandem_msgs.srv import StartRecording, StopRecording
@@ -108,7 +123,10 @@ def test_it_is_driven_knows_where_it_is_stops_and_is_verified(robot, tmp_path):
     assert all(0 < last.pose.covariance[7 * n] < 1 and 0 < last.twist.covariance[7 * n] < 1 for n in range(6))
     assert len(told) >= 0.9 * len(truth), "50 a second"
 
-    # A push of 30 N s while it drives.
+    # The planner is killed while it drives, and it is pushed by 30 N s.
+    planner = robot.nodes.pop(0)
+    planner.process.kill()
+    planner.process.wait()
     pushes = robot.client.node.create_publisher(WrenchStamped, "push", 10)
     robot.wait(lambda: pushes.get_subscription_count() == 1, 20, "the push is heard")
     push = WrenchStamped()
@@ -128,6 +146,8 @@ def test_it_is_driven_knows_where_it_is_stops_and_is_verified(robot, tmp_path):
 
     robot.trigger("stop")
     robot.wait(lambda: robot.mode() == "standing", 60, "standing")
+
+    drive_again_and_press_the_button(robot)
     stop = robot.service(StopRecording, "stop_recording")
     assert robot.client.call(stop, StopRecording.Request()).success
     verified = subprocess.run([ROOT / "target/release/tandem", "bag", "verify", tmp_path / "drive"], capture_output=True, text=True)

@@ -33,7 +33,7 @@ use tandem_sim_bridge::walk::{self, Cycle, Drives, End, Start, Walk, WalkOptions
 ///   tandem plan amble --slope 5 -o uphill.json
 ///   tandem simulate uphill.json --slope 5 --mu 0.5 --push 3 0.1 0 100
 ///   tandem simulate amble.json --start sit --out out/amble
-///   tandem simulate amble.json --balance --push 3 0.1 0 600 --slope 10 --velocity 5 0.2 0 0.3
+///   tandem simulate amble.json --slope 10 --balance --push 3 0.1 0 300 --velocity 5 0.2 0 0.3
 #[derive(clap::Args)]
 #[command(verbatim_doc_comment)]
 pub struct Arguments {

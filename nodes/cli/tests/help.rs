@@ -76,6 +76,13 @@ fn does_what_it_says(place: &Place, line: &str) -> bool {
             assert!(told.len() == 5 && told.iter().all(|told| told["upright"] == true), "{told:?}");
         }
         "tandem simulate uphill.json --slope 5 --mu 0.5 --push 3 0.1 0 100" => the_push_is_felt(place, line),
+        "tandem simulate amble.json --slope 10 --balance --push 3 0.1 0 300 --velocity 5 0.2 0 0.3" => {
+            let with = json_lines(&place.succeeds(&format!("{line} --json --seconds 12 --bag balanced")))[0].clone();
+            assert!(with["upright"] == true && with["figures"]["turned_deg"].as_f64().unwrap() > 60.0, "{with}");
+            assert!(place.succeeds("tandem bag verify balanced").contains("every command the same, to the bit"));
+            let bare = line.split(" --velocity").next().unwrap().replace(" --balance", "");
+            assert!(!place.run(&bare).status.success(), "the paper's law walks it too");
+        }
         "tandem simulate amble.json --start sit --out out/amble" => {
             assert!(place.succeeds(line).contains("upright to the end"));
             assert!(there("out/amble/gait.json") && there("out/amble/torques.png"));
