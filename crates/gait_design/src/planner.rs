@@ -27,6 +27,8 @@ pub struct Planner {
     rear_follows: bool,
 }
 
+/// The stance legs' hip rolls, which the toes' fixed distance determines.
+const STANCE_ROLLS: [usize; 2] = [3, 6];
 /// Programs kept: one for each grid that a request may be refined on.
 const MOST_PREPARED: usize = REFINEMENTS as usize + 1;
 /// Room for what the equalities leave free at 11 points, 14 and an internal force a point, up to 17 points; beyond, Clarabel solves.
@@ -116,7 +118,8 @@ impl Planner {
         let mut gait = recompose::gait(robot, coefficients, x[program::layout::T], request, &points, summary, None)?;
         let mut between = between_points(robot, request, &gait, &points);
         if between.polynomial_rad > between.tolerances.angle_rad {
-            recompose::fit_stance_rolls(&mut gait.coefficients_rad, &points, gait.step_duration_s);
+            let t = gait.step_duration_s;
+            recompose::fit_stance_rolls(&mut gait.coefficients_rad, &STANCE_ROLLS, &points, t);
             between = between_points(robot, request, &gait, &points);
         }
         let warm_start = WarmStart(solution.x);

@@ -90,10 +90,15 @@ pub(crate) fn coefficients(program: &DecomposedProgram, x: &[f64]) -> [Coefficie
 /// The stance hip rolls' polynomials once more, nearest to how they move at the points. The program holds a stance
 /// hip roll to its polynomial at four points only, for the distance of the toes determines it (mathematics.md, 5); in
 /// long steps its motion is no polynomial, and one through the ends is nearer than one through four accelerations.
-pub(crate) fn fit_stance_rolls(coefficients_rad: &mut [Coefficients; JOINTS], points: &[PlanPoint], t: f64) {
+/// `rolls` are their places among the joints.
+pub(crate) fn fit_stance_rolls(
+    coefficients_rad: &mut [Coefficients; JOINTS],
+    rolls: &[usize],
+    points: &[PlanPoint],
+    t: f64,
+) {
     let (first, last) = (&points[0], &points[points.len() - 1]);
-    for leg in [1, 2] {
-        let j = 3 * leg;
+    for &j in rolls {
         let c = &mut coefficients_rad[j];
         let degree = bezier::DEGREE as f64;
         *c = [0.0; 6];

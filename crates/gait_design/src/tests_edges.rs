@@ -333,3 +333,19 @@ fn a_grid_that_cannot_be_meant_is_refused() {
         assert!(e.contains(expected), "expected {expected:?} in {e:?}");
     }
 }
+
+/// A stance hip roll follows from the toes' fixed distance and is held to its polynomial at four points only: HyQ's
+/// walk was refused for the polynomial through those four, and so was a long step across a slope.
+#[test]
+fn long_steps_of_the_full_order_program_keep_to_the_stance_rolls_polynomials() {
+    let robot = vision60();
+    let mut request = GaitRequest::named("amble", &robot).unwrap();
+    request.step_duration_s = step_duration_from_step_frequency(2.2);
+    request.sideways_slope_rad = 4_f64.to_radians();
+    request.speed_m_s = 0.37;
+    let plan = plan(&robot, &request, &PlanOptions::default(), go_on).unwrap();
+    for points in [&plan.points, &plan.second_points] {
+        let between = between_points(&robot, &request, &plan.gait, points);
+        assert!(between.is_kept(), "{:?}", between.broken());
+    }
+}

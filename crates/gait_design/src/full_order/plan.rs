@@ -5,10 +5,10 @@ use crate::planner::check_points;
 use crate::refine::finer_grid;
 use crate::request::GaitRequest;
 use crate::{
-    Plan, PlanError, PlanOptions, Reference, SubproblemSolver, WarmStart, between_points, leg_length_m, not_converged,
-    on_slope, program_with_offset, recompose, summary,
+    Plan, PlanError, PlanOptions, PlanPoint, Reference, SubproblemSolver, WarmStart, between_points, leg_length_m,
+    not_converged, on_slope, program_with_offset, recompose, summary,
 };
-use gait::{Coefficients, JOINTS, SecondStep};
+use gait::{Coefficients, Gait, JOINTS, SecondStep};
 use nlp::{Iteration, NullSpace, SqpSolver, Status, Workspace};
 use robot::Robot;
 use std::ops::ControlFlow;
@@ -133,11 +133,37 @@ fn plan_on_grid(
     };
     let mut gait = recompose::gait(robot, joints, t, request, &points, summary, second_step)?;
     gait.reference_coefficients_rad = reference;
-    // Those that are to be walked: what holds for every plan of the decomposed program has to hold for them.
-    let walked = [&points, &second_points].into_iter().filter(|points| !alike && !points.is_empty());
-    let mut kept = Ok(());
-    for points in walked {
-        kept = kept.and_then(|()| between_points(robot, request, &gait, points).check(points.len()));
+    if alike {
+        return Ok((
+            Plan { gait, points, second_points, warm_start: WarmStart(Vec::new()), log: solution.log },
+            Ok(()),
+        ));
+    }
+    let mut kept = check_steps(robot, request, &gait, [&points, &second_points]);
+    if kept.is_err() && layout.joints_prescribed {
+        recompose::fit_stance_rolls(&mut gait.coefficients_rad, &[program.stance_roll(0)], &points, t);
+        if let Some(second) = &mut gait.second_step {
+            recompose::fit_stance_rolls(&mut second.coefficients_rad, &[program.stance_roll(1)], &second_points, t);
+        }
+        if options.reference == Reference::PlannedJoints {
+            gait.reference_coefficients_rad = gait.coefficients_rad;
+            if let Some(second) = &mut gait.second_step {
+                second.reference_coefficients_rad = second.coefficients_rad;
+            }
+        }
+        kept = check_steps(robot, request, &gait, [&points, &second_points]);
     }
     Ok((Plan { gait, points, second_points, warm_start: WarmStart(Vec::new()), log: solution.log }, kept))
+}
+
+/// Between the points of a plan that is to be walked: what holds for every plan of the decomposed program has to hold
+/// there.
+fn check_steps(
+    robot: &Robot,
+    request: &GaitRequest,
+    gait: &Gait,
+    steps: [&Vec<PlanPoint>; 2],
+) -> Result<(), PlanError> {
+    let mut planned = steps.into_iter().filter(|points| !points.is_empty());
+    planned.try_for_each(|points| between_points(robot, request, gait, points).check(points.len()))
 }
