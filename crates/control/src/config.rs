@@ -1,7 +1,8 @@
 //! What the controller has to know of the robot, and its thresholds: plain data, checked once.
 
+use crate::STILL_RAD;
 use crate::balance_config::BalanceConfig;
-use crate::{JOINTS, STILL_RAD};
+use joints::{CommandRange, JOINTS};
 use nalgebra::{Matrix3, Matrix3x4, Vector3};
 use rigid_body::{Data, center_of_mass, frame_position, rnea};
 use robot::Robot;
@@ -142,6 +143,19 @@ pub mod default {
 }
 
 impl Config {
+    /// The largest numbers of its commands: what a bus must be able to carry.
+    pub fn command_range(&self) -> CommandRange {
+        CommandRange {
+            position_min_rad: self.position_min_rad,
+            position_max_rad: self.position_max_rad,
+            velocity_rad_s: self.velocity_limit_rad_s,
+            kp: self.posture_kp,
+            kd: std::array::from_fn(|j| self.posture_kd[j].max(self.damping_kd[j])),
+            torque_nm: self.torque_limit_nm,
+            period_s: self.control_period_s,
+        }
+    }
+
     /// The configuration for a robot: its limits, postures and gains, and thresholds that leave a nominal walk alone.
     pub fn for_robot(robot: &Robot) -> Self {
         let each_leg = |values: [f64; 3]| std::array::from_fn(|j| values[j % 3]);

@@ -1,5 +1,6 @@
 //! What an inertial unit says.
 
+use joints::resolution::{acceleration_m_s2, quaternion, velocity_rad_s};
 use std::time::Duration;
 
 /// How far a quaternion's length may be from 1 for the rounding of whoever sends it.
@@ -36,6 +37,16 @@ pub struct Tilt {
 }
 
 impl InertialState {
+    /// The state as the controller takes it.
+    pub fn to_resolution(self) -> Self {
+        Self {
+            attitude_xyzw: self.attitude_xyzw.map(|q| q.map(quaternion)),
+            angular_velocity_rad_s: self.angular_velocity_rad_s.map(|v| v.map(velocity_rad_s)),
+            acceleration_m_s2: self.acceleration_m_s2.map(|a| a.map(acceleration_m_s2)),
+            ..self
+        }
+    }
+
     /// Roll and pitch, R = Rz(yaw) Ry(pitch) Rx(roll); not a number where the attitude is no rotation, none where it is
     /// not measured.
     pub fn tilt(&self) -> Option<Tilt> {

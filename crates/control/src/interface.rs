@@ -1,29 +1,14 @@
 //! What one step is given and what it says.
 
 use crate::balanced::{BalanceReport, VelocityCommand};
-use crate::{Fault, FaultReport, FaultSet, InertialState, JOINTS, JointCommand, Mode, PreparedGait, Refusal};
+use crate::{
+    Fault, FaultReport, FaultSet, InertialState, JOINTS, JointCommand, JointState, Mode, PreparedGait, Refusal,
+};
 use estimator::Estimator;
 use std::time::Duration;
 
 /// Requests that one step takes; more are refused.
 pub const MAX_REQUESTS: usize = 8;
-
-/// What the drives, or the simulator, reported.
-#[derive(Clone, Copy, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
-pub struct JointState {
-    /// The state's own time stamp: a new stamp is a new state.
-    pub stamp: Duration,
-    /// When each joint's values arrived, on the clock of `now`.
-    pub arrived: [Duration; JOINTS],
-    /// Positions, rad.
-    pub position_rad: [f64; JOINTS],
-    /// Velocities, rad/s.
-    pub velocity_rad_s: [f64; JOINTS],
-    /// Temperatures, °C, where the drives report them.
-    pub temperature_c: Option<[f64; JOINTS]>,
-    /// Error codes of the drives; 0 means none.
-    pub drive_error: [u8; JOINTS],
-}
 
 /// What an operator may ask.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

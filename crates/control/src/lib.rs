@@ -25,11 +25,9 @@
 
 mod balance_config;
 mod balancing;
-mod command;
 mod config;
 mod controller;
 mod day;
-mod fault;
 mod gait_clock;
 mod inertial;
 mod interface;
@@ -39,24 +37,20 @@ mod memory;
 mod motion;
 mod prepared_gait;
 mod ramp;
-pub mod resolution;
-mod snapshot;
 mod transition;
 mod watch;
 
 /// A joint that has moved by less than this has stood still, rad.
 const STILL_RAD: f64 = 0.02;
 
-pub use command::JointCommand;
 pub use config::{Config, ConfigError, DriveMode, Posture, default};
 pub use controller::Controller;
-pub use fault::{Fault, FaultReport, FaultSet, Severity};
-pub use gait::JOINTS;
 pub use inertial::{InertialState, Tilt, is_unit_length};
-pub use interface::{DampingReason, Input, JointState, MAX_REQUESTS, Output, Request};
+pub use interface::{DampingReason, Input, MAX_REQUESTS, Output, Request};
+// What the interface is made of.
+pub use joints::{Fault, FaultReport, FaultSet, JOINTS, JointCommand, JointState, Severity, resolution};
 pub use law::balanced;
 pub use law::balanced::{Velocity, VelocityCommand};
-
 pub use memory::{Snapshot, SnapshotVersion1};
 pub use prepared_gait::{GaitName, Instant, PreparedGait};
 pub use transition::{Event, Guards, Mode, Refusal, transition};

@@ -17,13 +17,7 @@ mod file;
 
 pub use bezier::Coefficients;
 pub use file::{FILE_FORMAT, FILE_VERSION, FILE_VERSION_TWO_STEPS, MAX_FILE_BYTES};
-
-/// Legs of a quadruped.
-pub const LEGS: usize = 4;
-/// Joints of a leg: hip roll, hip pitch, knee.
-pub const JOINTS_PER_LEG: usize = 3;
-/// Actuated joints in all.
-pub const JOINTS: usize = LEGS * JOINTS_PER_LEG;
+pub use joints::{JOINTS, JOINTS_PER_LEG, LEGS};
 
 /// Which of the two steps of a stride.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

@@ -1,7 +1,7 @@
 //! Which joint hangs on which drive: read from a file's text, checked.
 
 use crate::{DriveLimits, Ranges};
-use control::JOINTS;
+use joints::{CommandRange, JOINTS};
 use serde::Deserialize;
 
 /// `format` of every bus file.
@@ -255,18 +255,18 @@ impl BusConfig {
     /// Checks that the drives' numbers can carry what the controller may send: position and velocity limits, gains and
     /// torques within every drive's ranges, and that its watchdog outlasts a late cycle. A number beyond a range would
     /// be cut without anyone knowing.
-    pub fn check_ranges(&self, config: &control::Config) -> Result<(), BusConfigError> {
+    pub fn check_ranges(&self, sent: &CommandRange) -> Result<(), BusConfigError> {
         for (j, joint) in self.joints.iter().enumerate() {
             let gear = joint.gear_ratio;
-            let farthest = (config.position_min_rad[j] - joint.zero_rad)
+            let farthest = (sent.position_min_rad[j] - joint.zero_rad)
                 .abs()
-                .max((config.position_max_rad[j] - joint.zero_rad).abs());
+                .max((sent.position_max_rad[j] - joint.zero_rad).abs());
             for (field, needed, range) in [
                 ("position_rad", farthest * gear, joint.ranges.position_rad),
-                ("velocity_rad_s", config.velocity_limit_rad_s[j] * gear, joint.ranges.velocity_rad_s),
-                ("kp_nm_per_rad", config.posture_kp[j] / gear / gear, joint.ranges.kp),
-                ("kd_nm_s_per_rad", config.posture_kd[j].max(config.damping_kd[j]) / gear / gear, joint.ranges.kd),
-                ("torque_nm", config.torque_limit_nm[j] / gear, joint.ranges.torque_nm),
+                ("velocity_rad_s", sent.velocity_rad_s[j] * gear, joint.ranges.velocity_rad_s),
+                ("kp_nm_per_rad", sent.kp[j] / gear / gear, joint.ranges.kp),
+                ("kd_nm_s_per_rad", sent.kd[j] / gear / gear, joint.ranges.kd),
+                ("torque_nm", sent.torque_nm[j] / gear, joint.ranges.torque_nm),
             ] {
                 if needed > range {
                     return Err(BusConfigError::Value {
@@ -277,7 +277,7 @@ impl BusConfig {
                     });
                 }
             }
-            let shortest_s = WATCHDOG_PERIODS * config.control_period_s;
+            let shortest_s = WATCHDOG_PERIODS * sent.period_s;
             if let Some(watchdog_s) = joint.limits.watchdog_s.filter(|watchdog_s| *watchdog_s < shortest_s) {
                 return Err(BusConfigError::Value {
                     key: format!("limits.watchdog_s of {}", joint.name),

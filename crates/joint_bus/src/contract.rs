@@ -1,7 +1,7 @@
 //! What every backend must do, as one suite of checks that each backend's test runs.
 
 use crate::{JointBus, Readings};
-use control::{JOINTS, JointCommand};
+use joints::{JOINTS, JointCommand};
 use std::time::Duration;
 
 /// A backend with something at its far end.

@@ -2,7 +2,7 @@
 
 use crate::reply_balance::ReplyBalance;
 use crate::{BusConfig, DriveCommand, DriveRequest, Frame, Incoming, Link, LinkError, Protocol, Readings};
-use control::{Fault, FaultReport, JOINTS, JointCommand};
+use joints::{Fault, FaultReport, JOINTS, JointCommand};
 use std::time::Duration;
 
 /// Frames taken from one link in one cycle: more than it can bring at 1 Mbit/s in 20 ms.

@@ -1,6 +1,6 @@
 //! What the joints have told.
 
-use control::{JOINTS, JointState};
+use joints::{JOINTS, JointState};
 use std::time::Duration;
 
 /// What was read from the joints so far.

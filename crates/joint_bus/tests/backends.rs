@@ -28,14 +28,14 @@ fn the_shipped_bus_file_fits_the_shipped_robot() {
     .unwrap();
     let text = include_str!("../../../config/hardware/vision60_can.toml");
     let bus = BusConfig::from_toml_str(text, &robot.name, &robot.joint_names()).unwrap();
-    bus.check_ranges(&control::Config::for_robot(&robot)).unwrap();
+    bus.check_ranges(&control::Config::for_robot(&robot).command_range()).unwrap();
     assert_eq!(bus.interfaces.len(), 4, "one bus for each leg");
 }
 
-/// The controller rounds what it measures and sends (control::resolution); a drive's frame rounds at least ten times as much.
+/// The controller rounds what it measures and sends (joints::resolution); a drive's frame rounds at least ten times as much.
 #[test]
 fn the_controller_s_rounding_is_lost_in_a_frame_s() {
-    use control::resolution::{STEP_NM, STEP_RAD, STEP_RAD_S};
+    use joints::resolution::{STEP_NM, STEP_RAD, STEP_RAD_S};
     let text = include_str!("../../../config/hardware/vision60_can.toml");
     let bus = BusConfig::from_toml_str(text, "vision60", &joint_names()).unwrap();
     for joint in &bus.joints {

@@ -39,7 +39,7 @@ impl Robot {
             ..walk::config()
         };
         let bus = common::bus_config("mit", 1.0);
-        bus.check_ranges(&config).unwrap();
+        bus.check_ranges(&config.command_range()).unwrap();
         Self {
             bench: Bench::new(Mit::default(), bus, 0.0, 0.0),
             controller: Controller::new(config.clone()).unwrap(),

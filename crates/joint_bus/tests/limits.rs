@@ -53,7 +53,7 @@ fn a_watchdog_that_one_late_cycle_would_end_is_refused() {
     let config = control::Config::for_robot(&vision60());
     let shortest_s = 3.0 * config.control_period_s;
     let of = |watchdog_s: f64| read("registers", &format!("[limits]\nwatchdog_s = {watchdog_s}")).unwrap();
-    let refused = of(0.9 * shortest_s).check_ranges(&config).unwrap_err().to_string();
+    let refused = of(0.9 * shortest_s).check_ranges(&config.command_range()).unwrap_err().to_string();
     assert!(refused.contains("limits.watchdog_s of") && refused.contains("three control periods"), "{refused}");
-    of(1.1 * shortest_s).check_ranges(&config).unwrap();
+    of(1.1 * shortest_s).check_ranges(&config.command_range()).unwrap();
 }

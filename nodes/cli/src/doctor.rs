@@ -141,7 +141,7 @@ fn examine(arguments: &Arguments) -> Result<Vec<Finding>> {
     let bus = BusConfig::from_toml_str(&text, &robot.name, &config.joint_names)
         .with_context(|| file.display().to_string())?;
     let mut findings = machine::versions(&robot, &bus);
-    findings.push(match bus.check_ranges(&config) {
+    findings.push(match bus.check_ranges(&config.command_range()) {
         Ok(()) => good(format!("{}: twelve drives, whose numbers carry what the controller sends", file.display())),
         Err(error) => failure(error.to_string(), "set the drives' ranges, and the same numbers in the wiring file"),
     });

@@ -49,7 +49,7 @@ fn open_bus(file: &Path, robot: &Robot, config: &control::Config) -> anyhow::Res
     let file = ros::find(file)?;
     let text = std::fs::read_to_string(&file).with_context(|| format!("{}", file.display()))?;
     let bus = BusConfig::from_toml_str(&text, &robot.name, &config.joint_names)
-        .and_then(|bus| bus.check_ranges(config).map(|()| bus))
+        .and_then(|bus| bus.check_ranges(&config.command_range()).map(|()| bus))
         .with_context(|| format!("{}", file.display()))?;
     let locks = bus.interfaces.iter().map(|name| CanLock::take(name)).collect::<Result<Vec<_>, _>>()?;
     let links = bus.interfaces.iter().map(|name| CanLink::open(name)).collect::<Result<Vec<_>, _>>()?;

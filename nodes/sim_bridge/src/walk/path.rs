@@ -26,7 +26,7 @@ impl Path {
                 "a command's delay belongs to the drives' model where drives are emulated".into(),
             ));
         }
-        drives.bus.check_ranges(config)?;
+        drives.bus.check_ranges(&config.command_range())?;
         let (near, far): (Vec<_>, Vec<Box<dyn Link + Send>>) = drives
             .bus
             .interfaces

@@ -1,6 +1,6 @@
 //! The joint interface: what every backend carries, and what every drive evaluates.
 
-use crate::JOINTS;
+use crate::{JOINTS, resolution};
 
 /// One command for every joint. The drive's law, evaluated at the drive (or in the simulator at every physics step), is
 /// τ = kp (q_des − q) + kd (q̇_des − q̇) + τ_ff.
@@ -54,4 +54,33 @@ impl JointCommand {
             .flatten()
             .all(|v| v.is_finite())
     }
+
+    /// The command as it is asked for; the limits come after it and change what breaks them, exactly. Gains are left as they are.
+    pub fn to_resolution(self) -> Self {
+        Self {
+            position_rad: self.position_rad.map(resolution::position_rad),
+            velocity_rad_s: self.velocity_rad_s.map(resolution::velocity_rad_s),
+            torque_nm: self.torque_nm.map(resolution::torque_nm),
+            ..self
+        }
+    }
+}
+
+/// The largest numbers that a controller's commands carry, and how often they come.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct CommandRange {
+    /// Smallest positions, rad.
+    pub position_min_rad: [f64; JOINTS],
+    /// Largest positions, rad.
+    pub position_max_rad: [f64; JOINTS],
+    /// Largest velocities, rad/s.
+    pub velocity_rad_s: [f64; JOINTS],
+    /// Largest position gains, N m / rad.
+    pub kp: [f64; JOINTS],
+    /// Largest velocity gains, N m s / rad.
+    pub kd: [f64; JOINTS],
+    /// Largest torques, N m.
+    pub torque_nm: [f64; JOINTS],
+    /// From one command to the next, s.
+    pub period_s: f64,
 }

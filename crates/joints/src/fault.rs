@@ -167,7 +167,7 @@ pub struct FaultReport {
     /// Which joint, where it belongs to one.
     pub joint: Option<usize>,
     /// What was seen, in the unit of the limit.
-    #[serde(with = "crate::snapshot::bits")]
+    #[serde(with = "crate::bits")]
     pub value: f64,
     /// What was allowed.
     pub limit: f64,

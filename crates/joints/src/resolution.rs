@@ -9,8 +9,6 @@
 //! stays infinite), and the limits are applied to commands after it, exactly. What it can move a torque by, at the stiffest gains of
 //! the Vision 60, is half a step of each: 1.9e-6 · 300 + 1.2e-4 · 5 + 1e-3 = 2.2e-3 N m, a tenth of what a frame rounds by.
 
-use crate::{InertialState, JointCommand, JointState};
-
 /// Steps of position in 1 rad: 2^18.
 const PER_RAD: f64 = 262_144.0;
 /// Steps of velocity in 1 rad/s: 2^12.
@@ -67,41 +65,6 @@ pub fn acceleration_m_s2(value: f64) -> f64 {
 /// The nearest force in steps of 2^-6, 0.016 N.
 pub fn force_n(value: f64) -> f64 {
     (value * 64.0).round() / 64.0
-}
-
-impl JointState {
-    /// The state as the controller takes it.
-    pub fn to_resolution(self) -> Self {
-        Self {
-            position_rad: self.position_rad.map(position_rad),
-            velocity_rad_s: self.velocity_rad_s.map(velocity_rad_s),
-            ..self
-        }
-    }
-}
-
-impl InertialState {
-    /// The state as the controller takes it.
-    pub fn to_resolution(self) -> Self {
-        Self {
-            attitude_xyzw: self.attitude_xyzw.map(|q| q.map(quaternion)),
-            angular_velocity_rad_s: self.angular_velocity_rad_s.map(|v| v.map(velocity_rad_s)),
-            acceleration_m_s2: self.acceleration_m_s2.map(|a| a.map(acceleration_m_s2)),
-            ..self
-        }
-    }
-}
-
-impl JointCommand {
-    /// The command as it is asked for; the limits come after it and change what breaks them, exactly. Gains are left as they are.
-    pub(crate) fn to_resolution(self) -> Self {
-        Self {
-            position_rad: self.position_rad.map(position_rad),
-            velocity_rad_s: self.velocity_rad_s.map(velocity_rad_s),
-            torque_nm: self.torque_nm.map(torque_nm),
-            ..self
-        }
-    }
 }
 
 #[cfg(test)]

@@ -1,0 +1,28 @@
+//! The joint interface: what the controller, the buses and the simulator exchange about the twelve joints of a quadruped.
+//!
+//! - [`JointState`]: what the drives measured, and when.
+//! - [`JointCommand`]: what the drives are to do, with the law that every drive evaluates.
+//! - [`CommandRange`]: the largest numbers that such commands carry.
+//! - [`Fault`], [`FaultSet`], [`FaultReport`]: what went wrong, by name.
+//! - [`resolution`]: how finely states are taken and commands are sent.
+//!
+//! Legs are 0 front-left, 1 rear-left, 2 front-right, 3 rear-right; joints 12-vectors in the order leg × (hip roll, hip pitch, knee).
+//!
+//! This crate depends on no other of the workspace, reads no clock and allocates only in [`FaultReport::message`].
+
+pub mod bits;
+mod command;
+mod fault;
+pub mod resolution;
+mod state;
+
+/// Legs of a quadruped.
+pub const LEGS: usize = 4;
+/// Joints of a leg: hip roll, hip pitch, knee.
+pub const JOINTS_PER_LEG: usize = 3;
+/// Actuated joints in all.
+pub const JOINTS: usize = LEGS * JOINTS_PER_LEG;
+
+pub use command::{CommandRange, JointCommand};
+pub use fault::{Fault, FaultReport, FaultSet, Severity};
+pub use state::JointState;
