@@ -55,7 +55,8 @@ impl JointCommand {
             .all(|v| v.is_finite())
     }
 
-    /// The command as it is asked for; the limits come after it and change what breaks them, exactly. Gains are left as they are.
+    /// The command as it is asked for; the limits come after it and change what breaks them, exactly. Gains are left as
+    /// they are.
     pub fn to_resolution(self) -> Self {
         Self {
             position_rad: self.position_rad.map(resolution::position_rad),

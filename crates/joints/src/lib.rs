@@ -1,4 +1,5 @@
-//! The joint interface: what the controller, the buses and the simulator exchange about the twelve joints of a quadruped.
+//! The joint interface: what the controller, the buses and the simulator exchange about the twelve joints of a
+//! quadruped.
 //!
 //! - [`JointState`]: what the drives measured, and when.
 //! - [`JointCommand`]: what the drives are to do, with the law that every drive evaluates.
@@ -6,7 +7,8 @@
 //! - [`Fault`], [`FaultSet`], [`FaultReport`]: what went wrong, by name.
 //! - [`resolution`]: how finely states are taken and commands are sent.
 //!
-//! Legs are 0 front-left, 1 rear-left, 2 front-right, 3 rear-right; joints 12-vectors in the order leg × (hip roll, hip pitch, knee).
+//! Legs are 0 front-left, 1 rear-left, 2 front-right, 3 rear-right; joints 12-vectors in the order leg × (hip roll, hip
+//! pitch, knee).
 //!
 //! This crate depends on no other of the workspace, reads no clock and allocates only in [`FaultReport::message`].
 

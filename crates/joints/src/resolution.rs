@@ -1,13 +1,15 @@
 //! How finely measurements are taken and commands are sent.
 //!
-//! Numbers are kept to binary fractions ten to a hundred times finer than a drive's own frame resolves (16 bits of position are
-//! about 4e-4 rad, 12 bits of velocity 0.02 rad/s, 12 bits of torque 0.04 N m), and finer than an encoder of 18 bits (2.4e-5 rad).
-//! What lies below is the noise of computing; a recording that had to keep it would be almost three times as long. Rounding the
-//! values themselves, not their record, keeps a recording whole: what is in it is what was measured and sent, to the bit.
+//! Numbers are kept to binary fractions ten to a hundred times finer than a drive's own frame resolves (16 bits of
+//! position are about 4e-4 rad, 12 bits of velocity 0.02 rad/s, 12 bits of torque 0.04 N m), and finer than an encoder
+//! of 18 bits (2.4e-5 rad). What lies below is the noise of computing; a recording that had to keep it would be almost
+//! three times as long. Rounding the values themselves, not their record, keeps a recording whole: what is in it is
+//! what was measured and sent, to the bit.
 //!
-//! It is safe because it comes before everything that protects: a measurement is checked after it (not a number stays none, infinite
-//! stays infinite), and the limits are applied to commands after it, exactly. What it can move a torque by, at the stiffest gains of
-//! the Vision 60, is half a step of each: 1.9e-6 · 300 + 1.2e-4 · 5 + 1e-3 = 2.2e-3 N m, a tenth of what a frame rounds by.
+//! It is safe because it comes before everything that protects: a measurement is checked after it (not a number stays
+//! none, infinite stays infinite), and the limits are applied to commands after it, exactly. What it can move a torque
+//! by, at the stiffest gains of the Vision 60, is half a step of each: 1.9e-6 · 300 + 1.2e-4 · 5 + 1e-3 = 2.2e-3 N m, a
+//! tenth of what a frame rounds by.
 
 /// Steps of position in 1 rad: 2^18.
 const PER_RAD: f64 = 262_144.0;

@@ -11,11 +11,11 @@ use anyhow::{Context, Result};
 use joint_bus::can::CanLink;
 use joint_bus::{BusConfig, CanLock, CanLockError, DriveBus};
 use realtime::{Periodic, RealtimeRequest, monotonic_now};
+use simulator::drives::Speech;
 use std::path::PathBuf;
 use std::process::ExitCode;
 use std::time::Duration;
 use tandem_msgs::text::{SENTENCE_CHARS, printable};
-use tandem_sim_bridge::drives::Speech;
 
 /// Check this machine and the robot on its buses, before anything is armed
 ///

@@ -5,10 +5,10 @@ use crate::progress::Progress;
 use crate::robots::RobotArguments;
 use anyhow::{Result, bail};
 use replay::{BehaviourRun, read_run, skeleton};
+use simulator::SimulatorOptions;
+use simulator::pictures::Studio;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
-use tandem_sim_bridge::pictures::Studio;
-use tandem_sim_bridge::simulator::SimulatorOptions;
 
 /// Make a page of one or more recordings, to look at and to compare
 ///

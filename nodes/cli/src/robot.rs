@@ -4,10 +4,10 @@ use crate::output;
 use crate::robots;
 use ::robot::Robot;
 use anyhow::{Context, Result, bail};
+use simulator::{Camera, Renderer, Simulator, SimulatorOptions};
 use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
-use tandem_sim_bridge::simulator::{Camera, Renderer, Simulator, SimulatorOptions};
 
 /// Size of the picture of the standing robot, pixels.
 const PICTURE: (usize, usize) = (960, 640);

@@ -12,13 +12,13 @@ use gait::Gait;
 use joint_bus::{BusConfig, DriveModel};
 use replay::{BodySample, ReplayError, RunInfo, RunRecorder};
 use robot::Robot;
+use simulator::pictures::{self, Studio};
+use simulator::walk::{self, Cycle, Drives, End, Start, Walk, WalkOptions};
+use simulator::{Posture, Push, RobotState, SimulatorOptions, Terrain};
 use std::ops::ControlFlow;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 use std::time::{Duration, Instant};
-use tandem_sim_bridge::pictures::{self, Studio};
-use tandem_sim_bridge::simulator::{Posture, Push, RobotState, SimulatorOptions, Terrain};
-use tandem_sim_bridge::walk::{self, Cycle, Drives, End, Start, Walk, WalkOptions};
 
 /// Walk gait files in MuJoCo under the controller's own step
 ///

@@ -9,12 +9,12 @@
 //! controller that starts late finds it.
 
 use crate::config::{Config, Pace};
-use crate::drives::DriveBench;
 use crate::inbox::{Answer, Ask, Inbox, Request};
 use crate::ports;
-use crate::simulator::{Posture, Push, Simulator, SimulatorError};
 use robot::Robot;
 use ros::{Node, PublishError, Publisher, Qos, RosError};
+use simulator::drives::DriveBench;
+use simulator::{Posture, Push, Simulator, SimulatorError};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::mpsc::channel;

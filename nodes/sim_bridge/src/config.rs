@@ -1,7 +1,7 @@
 //! The node's parameters.
 
-use crate::simulator::{SimulatorOptions, Terrain};
 use ros::{Node, Parameter, RosError};
+use simulator::{SimulatorOptions, Terrain};
 use std::path::PathBuf;
 use std::time::Duration;
 

@@ -1,13 +1,12 @@
-//! ROS 2 node: MuJoCo behind DDS topics; the simulator itself as a library, and what is measured of a walk.
+//! ROS 2 node: MuJoCo (crate `simulator`) behind DDS topics; and the trial of the balanced law.
 
 pub mod bridge;
 pub mod config;
-pub mod drives;
 pub mod inbox;
-pub mod measure;
-pub mod pictures;
 pub mod ports;
-pub mod simulator;
 pub mod trial;
-pub mod walk;
 pub mod work;
+
+// The trial's words for the parts of the simulator.
+pub use ::simulator;
+use ::simulator::measure;

@@ -1,7 +1,7 @@
 //! Messages to and from the simulator's own types: the one place where the two meet.
 
-use crate::simulator::{RobotState, Simulator};
 use control::{JointCommand, resolution};
+use simulator::{RobotState, Simulator};
 use tandem_msgs::builtin_interfaces::Time;
 use tandem_msgs::geometry_msgs::{Point, Pose, Quaternion, Transform, TransformStamped, Twist, Vector3, WrenchStamped};
 use tandem_msgs::nav_msgs::Odometry;

@@ -2,13 +2,13 @@
 
 use crate::bridge::{Bridge, BridgeError, ask};
 use crate::config::{Config, Pace};
-use crate::drives::DriveBench;
 use crate::inbox::{Ask, Inbox};
 use anyhow::Context;
 use joint_bus::can::CanLink;
 use joint_bus::{BusConfig, DriveModel, Link, LinkError};
 use robot::Robot;
 use ros::{Managed, Node};
+use simulator::drives::DriveBench;
 use std::sync::Arc;
 use std::thread::JoinHandle;
 

@@ -196,8 +196,8 @@ pub mod tests {
     use joint_bus::memory::{MemoryLink, pair};
     use joint_bus::{DriveBus, DriveModel, Faults, Faulty, Link};
     use robot::Robot;
+    use simulator::drives::{DriveBench, Speech};
     use std::path::Path;
-    use tandem_sim_bridge::drives::{DriveBench, Speech};
 
     fn vision60() -> Robot {
         Robot::load(&Path::new(env!("CARGO_MANIFEST_DIR")).join("../../config/robots/vision60")).unwrap()

@@ -3,8 +3,8 @@
 use super::Done;
 use gait::Gait;
 use robot::Robot;
-use tandem_sim_bridge::simulator::Terrain;
-use tandem_sim_bridge::walk::{End, WalkOptions};
+use simulator::Terrain;
+use simulator::walk::{End, WalkOptions};
 
 /// The paper's torques: the Vision 60's, of no use beside another robot's.
 fn paper(robot: &Robot, gait: &Gait) -> Option<::report::TableTwo> {

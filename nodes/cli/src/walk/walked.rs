@@ -4,11 +4,11 @@ use super::{watch::Outcome, write};
 use anyhow::Result;
 use gait::Gait;
 use robot::Robot;
+use simulator::SimulatorOptions;
+use simulator::measure::WalkFigures;
+use simulator::pictures::Studio;
 use std::path::Path;
 use tandem_msgs::StopRecordingResponse;
-use tandem_sim_bridge::measure::WalkFigures;
-use tandem_sim_bridge::pictures::Studio;
-use tandem_sim_bridge::simulator::SimulatorOptions;
 
 /// One gait walked.
 pub struct Walked {

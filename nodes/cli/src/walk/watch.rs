@@ -4,6 +4,9 @@ use anyhow::{Context, Result};
 use gait::Gait;
 use robot::Robot;
 use ros::{Node, Qos};
+use simulator::RobotState;
+use simulator::measure::{Measure, WalkFigures};
+use simulator::pictures;
 use std::collections::{BTreeMap, HashMap};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant};
@@ -11,9 +14,6 @@ use tandem_msgs::geometry_msgs::{Vector3, WrenchStamped};
 use tandem_msgs::nav_msgs::Odometry;
 use tandem_msgs::sensor_msgs::JointState;
 use tandem_msgs::{ControllerState, Message};
-use tandem_sim_bridge::measure::{Measure, WalkFigures};
-use tandem_sim_bridge::pictures;
-use tandem_sim_bridge::simulator::RobotState;
 
 /// A body tilted by more than this has fallen, rad; lower than this share of its nominal height too. As the simulator judges.
 const FALLEN_TILT_RAD: f64 = 0.8;

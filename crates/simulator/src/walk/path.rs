@@ -1,8 +1,8 @@
 //! How commands reach the simulated joints and states come back.
 
 use super::{WalkError, WalkOptions};
+use crate::Simulator;
 use crate::drives::{DriveBench, Speech};
-use crate::simulator::Simulator;
 use control::{Config, JointCommand, JointState, Output};
 use joint_bus::{BusConfig, DriveBus, JointBus, Link, Readings, memory};
 use std::collections::VecDeque;

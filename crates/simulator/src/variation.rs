@@ -23,7 +23,7 @@ impl Default for Variation {
 
 impl Variation {
     /// The payload as a body of the base, in MuJoCo's format: a cube of 0.2 m.
-    pub(super) fn payload(&self) -> String {
+    pub(crate) fn payload(&self) -> String {
         if self.payload_kg == 0.0 {
             return String::new();
         }

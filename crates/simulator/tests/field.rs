@@ -2,9 +2,9 @@
 
 use gait_design::{GaitRequest, PlanOptions};
 use robot::Robot;
+use simulator::walk::{End, Walk, WalkOptions, walk};
 use std::ops::ControlFlow;
 use std::path::Path;
-use tandem_sim_bridge::walk::{End, Walk, WalkOptions, walk};
 
 const TOML: &str = include_str!("../../../config/robots/vision60/robot.toml");
 const URDF: &str = include_str!("../../../config/robots/vision60/vision60.urdf");

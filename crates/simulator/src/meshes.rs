@@ -13,7 +13,7 @@ const LIMIT_BYTES: u64 = 200 << 20;
 type Met = Result<(String, String), String>;
 
 /// The meshes met so far, by file name and scale.
-pub(super) struct Meshes {
+pub(crate) struct Meshes {
     /// The robot's folder, if it has one: file names are looked for from there.
     folder: Option<PathBuf>,
     /// Whether meshes are used at all.

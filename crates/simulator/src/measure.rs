@@ -1,7 +1,7 @@
 //! What is said of a walk: speed, drift, torques, posture. The definitions are stated here once, because figures of two
 //! programs can only be compared if they mean the same.
 
-use crate::simulator::RobotState;
+use crate::RobotState;
 use serde::Serialize;
 
 /// The first seconds of a walk are not counted in means: the robot settles into the gait.

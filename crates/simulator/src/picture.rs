@@ -1,6 +1,6 @@
 //! Pictures of the robot: MuJoCo's renderer without a display (EGL, in software where there is no graphics card).
 
-use super::{Simulator, description};
+use crate::{Simulator, description};
 use mujoco_rs::prelude::MjtObjBase;
 use mujoco_rs::prelude::{MjvCamera, MjvOption};
 use mujoco_rs::renderer::MjRenderer;
@@ -152,7 +152,7 @@ impl Renderer {
             .model()
             .name_to_id(MjtObjBase::mjOBJ_BODY, description::BASE)
             .ok_or_else(|| PictureError::Draw("the model has no base".into()))?;
-        let ground = simulator.options.terrain.ground_m(simulator.data.qpos()[0], simulator.data.qpos()[1]);
+        let ground = simulator.options().terrain.ground_m(simulator.data.qpos()[0], simulator.data.qpos()[1]);
         let [x, y, _] = simulator.data.xpos()[base];
         let mut view = MjvCamera::default();
         view.free();

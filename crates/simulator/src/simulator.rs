@@ -1,39 +1,15 @@
-//! The robot in MuJoCo: no ROS, no clock, no file. One thread, one seed, one trajectory.
-//!
-//! The model is written from the project's own robot description and steps at 0.5 ms with the implicit-in-velocity
-//! integrator. The drives are part of it: at every physics step they evaluate τ = kp (q_des − q) + kd (q̇_des − q̇) +
-//! τ_ff (Ma & Ames 2020, section IV) from the last command, limited to what the drives can give, as the robot's own
-//! drives do. A command that is not finite, or that is too old, leaves the joints damped (kp = 0).
+//! The robot in MuJoCo: [`Simulator`].
 
-mod description;
-mod fall;
 mod felt;
-mod meshes;
-mod picture;
-mod random;
-mod terrain;
-mod variation;
 
-pub use fall::Fall;
-pub use picture::{Camera, Image, PictureError, Renderer};
-pub use random::Random;
-pub use terrain::Terrain;
-pub use variation::Variation;
-
-use control::JointCommand;
+use crate::meshes::Meshes;
+use crate::{Fall, MUJOCO_VERSION, Posture, Push, Random, RobotState, SimulatorError, SimulatorOptions, description};
 use gait::Gait;
-
+use joints::{JOINTS, JointCommand, LEGS};
 use mujoco_rs::prelude::{MjData, MjModel, MjtObjBase};
 use nalgebra::{Matrix3, Quaternion, UnitQuaternion, Vector3};
 use robot::Robot;
 
-/// The MuJoCo release that the bindings were made for.
-pub const MUJOCO_VERSION: &str = "3.17.0";
-/// Acceleration of free fall, m/s².
-pub const GRAVITY_M_S2: f64 = 9.81;
-/// Legs, and joints in all.
-const LEGS: usize = 4;
-const JOINTS: usize = 12;
 /// How long a robot that is put down sitting sinks before time begins, s.
 const SINKING_S: f64 = 1.5;
 /// A body lower than this fraction of its first height has fallen.
@@ -41,154 +17,9 @@ const FALLEN_HEIGHT_FRACTION: f64 = 0.6;
 /// A body tilted by more than this has fallen, rad.
 const FALLEN_TILT_RAD: f64 = 0.8;
 
-/// Why the simulator cannot be built or started.
-#[derive(Debug, thiserror::Error)]
-pub enum SimulatorError {
-    /// The library that was found is not the one that the bindings were made for.
-    #[error("MuJoCo's library is {found}, expected {MUJOCO_VERSION}: run launch-scripts/setup again")]
-    Version {
-        /// The version that the library says it is.
-        found: String,
-    },
-    /// The URDF holds something that the simulator cannot use.
-    #[error("robot description: {0}")]
-    Urdf(String),
-    /// An option is out of its range.
-    #[error("simulator option: {0}")]
-    Option(String),
-    /// MuJoCo refused the model that we wrote.
-    #[error("MuJoCo refused the robot's model: {0}")]
-    Model(String),
-    /// The gait belongs to another robot.
-    #[error(transparent)]
-    Gait(#[from] gait::GaitError),
-}
-
-/// What can be set when the simulator is built.
-#[derive(Clone, Debug, PartialEq)]
-pub struct SimulatorOptions {
-    /// Physics step, s.
-    pub timestep_s: f64,
-    /// Coefficient of sliding friction between toes and ground.
-    pub friction: f64,
-    /// The ground.
-    pub terrain: Terrain,
-    /// Names the random terrain and start noise.
-    pub seed: u64,
-    /// Standard deviation of the offset of every joint at a reset, rad.
-    pub joint_noise_rad: f64,
-    /// Simulated time after which a command is too old and the drives damp, s.
-    pub command_timeout_s: f64,
-    /// What the simulated robot differs by from its description.
-    pub variation: Variation,
-    /// Pictures with shadows and smooth edges (about ten times slower to draw; the motion is the same).
-    pub fine_pictures: bool,
-}
-
-impl Default for SimulatorOptions {
-    fn default() -> Self {
-        Self {
-            timestep_s: 5e-4,
-            friction: 0.8,
-            terrain: Terrain::Flat,
-            seed: 0,
-            joint_noise_rad: 0.0,
-            command_timeout_s: 0.1,
-            variation: Variation::default(),
-            fine_pictures: false,
-        }
-    }
-}
-
-impl SimulatorOptions {
-    fn check(&self) -> Result<(), SimulatorError> {
-        let limits = [
-            ("timestep_s", self.timestep_s, 1e-5, 2e-3),
-            ("friction", self.friction, 0.01, 5.0),
-            ("joint_noise_rad", self.joint_noise_rad, 0.0, 0.3),
-            ("command_timeout_s", self.command_timeout_s, 1e-3, 10.0),
-            ("variation.payload_kg", self.variation.payload_kg, 0.0, 1e3),
-            ("variation.mass_scale", self.variation.mass_scale, 0.1, 10.0),
-            ("variation.stiffness_scale", self.variation.stiffness_scale, 0.1, 10.0),
-        ];
-        for (name, value, low, high) in limits {
-            if !(low..=high).contains(&value) {
-                return Err(SimulatorError::Option(format!("{name} is {value}, expected {low} to {high}")));
-            }
-        }
-        self.terrain.problem().map_or(Ok(()), |problem| Err(SimulatorError::Option(problem)))
-    }
-}
-
-/// A posture that the robot can be put down in.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Posture {
-    /// Legs at the robot's stand angles, toes on the ground.
-    Stand,
-    /// Legs folded, toes on the ground.
-    Sit,
-}
-
-/// A force on the base for a time.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Push {
-    /// Simulated time at which it begins, s.
-    pub start_s: f64,
-    /// How long it lasts, s.
-    pub duration_s: f64,
-    /// Force in world axes at the base's origin, N.
-    pub force_n: [f64; 3],
-}
-
-/// The robot at one instant. Legs and joints in the project's order.
-#[derive(Clone, Debug, PartialEq)]
-pub struct RobotState {
-    /// Physics steps since the reset.
-    pub step: u64,
-    /// Simulated time since the reset, s.
-    pub time_s: f64,
-    /// Base origin in the world, m.
-    pub base_position_m: [f64; 3],
-    /// Base orientation in the world, (x, y, z, w).
-    pub base_quaternion_xyzw: [f64; 4],
-    /// Velocity of the base origin in world axes, m/s.
-    pub base_linear_velocity_world: [f64; 3],
-    /// Angular velocity of the base in its own axes, rad/s.
-    pub base_angular_velocity_body: [f64; 3],
-    /// What an accelerometer at the base origin reads, in base axes, m/s².
-    pub base_specific_force_body: [f64; 3],
-    /// Joint positions, rad.
-    pub joint_position_rad: [f64; JOINTS],
-    /// Joint velocities, rad/s.
-    pub joint_velocity_rad_s: [f64; JOINTS],
-    /// Torques that the drives gave during the last physics step, Nm.
-    pub joint_torque_nm: [f64; JOINTS],
-    /// Ground forces on the toes during the last physics step, in world axes, N.
-    pub toe_force_n: [[f64; 3]; LEGS],
-}
-
-impl RobotState {
-    /// Velocity of the base origin in the base's own axes, m/s.
-    pub fn base_linear_velocity_body(&self) -> [f64; 3] {
-        let [x, y, z, w] = self.base_quaternion_xyzw;
-        let to_body = nalgebra::UnitQuaternion::from_quaternion(nalgebra::Quaternion::new(w, x, y, z)).inverse();
-        (to_body * nalgebra::Vector3::from(self.base_linear_velocity_world)).into()
-    }
-
-    /// Roll, pitch and yaw of the base, rad, with R = Rz(yaw) Ry(pitch) Rx(roll).
-    pub fn roll_pitch_yaw(&self) -> [f64; 3] {
-        let [x, y, z, w] = self.base_quaternion_xyzw;
-        [
-            (2.0 * (w * x + y * z)).atan2(1.0 - 2.0 * (x * x + y * y)),
-            (2.0 * (w * y - z * x)).clamp(-1.0, 1.0).asin(),
-            (2.0 * (w * z + x * y)).atan2(1.0 - 2.0 * (y * y + z * z)),
-        ]
-    }
-}
-
 /// MuJoCo, the robot in it and its drives.
 pub struct Simulator {
-    data: MjData<Box<MjModel>>,
+    pub(crate) data: MjData<Box<MjModel>>,
     options: SimulatorOptions,
     /// Index of each joint in MuJoCo's position and velocity vectors.
     position_at: [usize; JOINTS],
@@ -227,7 +58,7 @@ impl std::fmt::Debug for Simulator {
 /// The robot in MuJoCo, and what of its description is not in there. Where MuJoCo refuses the model with meshes, it
 /// gets it without: a picture is no reason not to walk.
 fn load(robot: &Robot, options: &SimulatorOptions) -> Result<(MjModel, Vec<String>), SimulatorError> {
-    let written = description::mjcf(robot, options, meshes::Meshes::of(robot.folder.as_deref()))?;
+    let written = description::mjcf(robot, options, Meshes::of(robot.folder.as_deref()))?;
     let refused = match MjModel::from_xml_string(&written.text) {
         Ok(model) => return Ok((model, written.notes)),
         Err(refused) => SimulatorError::Model(refused.to_string()),
@@ -235,7 +66,7 @@ fn load(robot: &Robot, options: &SimulatorOptions) -> Result<(MjModel, Vec<Strin
     if !written.has_meshes {
         return Err(refused);
     }
-    let bare = description::mjcf(robot, options, meshes::Meshes::none())?;
+    let bare = description::mjcf(robot, options, Meshes::none())?;
     let model = MjModel::from_xml_string(&bare.text).map_err(|e| SimulatorError::Model(e.to_string()))?;
     let mut notes = bare.notes;
     notes.push(format!("no mesh is used, because {refused}"));
@@ -583,7 +414,7 @@ impl Simulator {
     }
 
     /// MuJoCo's data, for drawing.
-    fn data_mut(&mut self) -> &mut MjData<Box<MjModel>> {
+    pub(crate) fn data_mut(&mut self) -> &mut MjData<Box<MjModel>> {
         &mut self.data
     }
 }

@@ -1,6 +1,6 @@
 //! What the robot walks on.
 
-use super::random::Random;
+use crate::Random;
 
 /// Shape of the ground. Slopes turn gravity instead of the floor, so the world's x-y plane is always the ground plane and a
 /// gait's initial state means the same everywhere.
@@ -90,16 +90,16 @@ impl Terrain {
     }
 
     /// Gravity in world axes, m/s².
-    pub(super) fn gravity_m_s2(&self) -> [f64; 3] {
+    pub(crate) fn gravity_m_s2(&self) -> [f64; 3] {
         let (pitch, roll) = match *self {
             Self::Slope { uphill_rad, sideways_rad } => (uphill_rad, sideways_rad),
             _ => (0.0, 0.0),
         };
-        [-pitch.sin() * roll.cos(), -roll.sin(), -pitch.cos() * roll.cos()].map(|g| g * super::GRAVITY_M_S2)
+        [-pitch.sin() * roll.cos(), -roll.sin(), -pitch.cos() * roll.cos()].map(|g| g * crate::GRAVITY_M_S2)
     }
 
     /// How far above the nominal floor a robot is put down so that no toe starts inside the ground, m.
-    pub(super) fn lift_m(&self) -> f64 {
+    pub(crate) fn lift_m(&self) -> f64 {
         match *self {
             Self::Rough { height_m, .. } => height_m,
             Self::Ramp { .. } => self.ground_m(0.0, 0.0),
@@ -109,7 +109,7 @@ impl Terrain {
     }
 
     /// Height that counts as "the ground" for judging a fall of a body at `x`, `y`, m.
-    pub(super) fn ground_m(&self, x: f64, y: f64) -> f64 {
+    pub(crate) fn ground_m(&self, x: f64, y: f64) -> f64 {
         match *self {
             Self::Rough { height_m, .. } => height_m,
             Self::Steps { rise_m, run_m } => rise_m * ((x - STAIRS_START_M) / run_m).ceil().clamp(0.0, STAIRS as f64),
@@ -162,7 +162,7 @@ impl Terrain {
     }
 
     /// MJCF for `<asset>` and for `<worldbody>`.
-    pub(super) fn mjcf(&self) -> (String, String) {
+    pub(crate) fn mjcf(&self) -> (String, String) {
         let plane =
             |z: f64| format!(r#"<geom name="floor" type="plane" size="0 0 0.5" pos="0 0 {z}" material="floor"/>"#);
         match *self {
@@ -205,7 +205,7 @@ impl Terrain {
     }
 
     /// Heights of the field's samples as fractions of its height, row by row (y, then x); empty for other terrains.
-    pub(super) fn heights(&self, seed: u64) -> Vec<f32> {
+    pub(crate) fn heights(&self, seed: u64) -> Vec<f32> {
         if !self.is_field() {
             return Vec::new();
         }

@@ -3,18 +3,18 @@
 use control::JointCommand;
 use gait::{Gait, StepSide};
 use robot::Robot;
-use std::path::Path;
-use tandem_sim_bridge::measure::Measure;
-use tandem_sim_bridge::simulator::{
+use simulator::measure::Measure;
+use simulator::{
     Camera, Fall, GRAVITY_M_S2, Image, PictureError, Posture, Push, Renderer, Simulator, SimulatorOptions, Terrain,
 };
+use std::path::Path;
 
 fn vision60() -> Robot {
     Robot::load(&Path::new(env!("CARGO_MANIFEST_DIR")).join("../../config/robots/vision60")).unwrap()
 }
 
 fn amble() -> Gait {
-    Gait::from_json(include_str!("data/amble.json")).unwrap()
+    Gait::from_json(include_str!("../../../nodes/sim_bridge/tests/data/amble.json")).unwrap()
 }
 
 fn simulator(options: SimulatorOptions) -> Simulator {

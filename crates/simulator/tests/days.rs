@@ -3,10 +3,10 @@
 use control::{Config, Controller, InertialState, Input, JointState, Mode, Output, PreparedGait, Request, Tilt};
 use gait_design::{GaitRequest, PlanOptions};
 use robot::Robot;
+use simulator::{Posture, Simulator, SimulatorOptions};
 use std::ops::ControlFlow;
 use std::path::Path;
 use std::time::Duration;
-use tandem_sim_bridge::simulator::{Posture, Simulator, SimulatorOptions};
 
 const NAMES: [&str; 5] = ["gait1", "gait2", "gait3", "gait4", "amble"];
 const PERIOD: Duration = Duration::from_millis(1);

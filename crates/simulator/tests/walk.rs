@@ -5,18 +5,18 @@ use gait::Gait;
 use gait_design::{GaitRequest, PlanOptions};
 use joint_bus::{BusConfig, DriveModel};
 use robot::Robot;
+use simulator::pictures::{self, Studio};
+use simulator::walk::{Drives, End, Start, Walk, WalkError, WalkOptions, walk};
+use simulator::{Posture, Push, SimulatorOptions, Terrain};
 use std::ops::ControlFlow;
 use std::path::Path;
-use tandem_sim_bridge::pictures::{self, Studio};
-use tandem_sim_bridge::simulator::{Posture, Push, SimulatorOptions, Terrain};
-use tandem_sim_bridge::walk::{Drives, End, Start, Walk, WalkError, WalkOptions, walk};
 
 fn vision60() -> Robot {
     Robot::load(&Path::new(env!("CARGO_MANIFEST_DIR")).join("../../config/robots/vision60")).unwrap()
 }
 
 fn amble() -> Gait {
-    Gait::from_json(include_str!("data/amble.json")).unwrap()
+    Gait::from_json(include_str!("../../../nodes/sim_bridge/tests/data/amble.json")).unwrap()
 }
 
 fn run(options: WalkOptions) -> Result<Walk, WalkError> {

@@ -6,8 +6,8 @@
 //!
 //! The URDF's own names get a prefix, so that none can be the name of something of ours or of MuJoCo's.
 
-use super::meshes::Meshes;
-use super::{SimulatorError, SimulatorOptions, Variation};
+use crate::meshes::Meshes;
+use crate::{SimulatorError, SimulatorOptions, Variation};
 use nalgebra::{Matrix3, Rotation3, UnitQuaternion, Vector3};
 use rigid_body::Inertia;
 use robot::Robot;
@@ -16,7 +16,7 @@ use std::fmt::Write as _;
 use urdf_rs::{Geometry, Joint, JointType, Link, Material, Pose};
 
 /// The robot's model for MuJoCo.
-pub(super) struct Mjcf {
+pub(crate) struct Mjcf {
     /// Its text.
     pub text: String,
     /// What of the robot is not in it, or is not as the URDF says, a line each.
@@ -26,14 +26,14 @@ pub(super) struct Mjcf {
 }
 
 /// The name of a URDF's link or joint in the MJCF.
-pub(super) fn own(name: &str) -> String {
+pub(crate) fn own(name: &str) -> String {
     format!("urdf:{name}")
 }
 
 /// Name of the base body in the MJCF.
-pub(super) const BASE: &str = "base";
+pub(crate) const BASE: &str = "base";
 /// Name of the place that the inertial measurement unit is at.
-pub(super) const IMU: &str = "imu";
+pub(crate) const IMU: &str = "imu";
 
 fn numbers(values: &[f64]) -> String {
     // Rust prints the shortest decimal that reads back as the same number.
@@ -331,7 +331,7 @@ impl<'a> Writer<'a> {
 }
 
 /// The whole MJCF: options, floor, light, robot, motors and sensors.
-pub(super) fn mjcf(of: &Robot, options: &SimulatorOptions, meshes: Meshes) -> Result<Mjcf, SimulatorError> {
+pub(crate) fn mjcf(of: &Robot, options: &SimulatorOptions, meshes: Meshes) -> Result<Mjcf, SimulatorError> {
     let robot = of.description.robot();
     let children: HashSet<&str> = robot.joints.iter().map(|j| j.child.link.as_str()).collect();
     let roots: Vec<&str> = robot.links.iter().map(|l| l.name.as_str()).filter(|l| !children.contains(l)).collect();

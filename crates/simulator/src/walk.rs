@@ -3,7 +3,7 @@
 mod path;
 
 use crate::measure::{Measure, WalkFigures};
-use crate::simulator::{Fall, Posture, Push, RobotState, Simulator, SimulatorError, SimulatorOptions};
+use crate::{Fall, Posture, Push, RobotState, Simulator, SimulatorError, SimulatorOptions};
 use control::balanced::BalanceConfig;
 use control::{
     Config, Controller, DriveMode, InertialState, Input, JointState, Mode, Output, PreparedGait, Request, Velocity,

@@ -1,8 +1,6 @@
 //! Pictures of a walk that is over: tiles of a stride and its animation, drawn from samples, wherever they come from.
 
-use crate::simulator::{
-    Camera, Image, PictureError, Renderer, RobotState, Simulator, SimulatorError, SimulatorOptions,
-};
+use crate::{Camera, Image, PictureError, Renderer, RobotState, Simulator, SimulatorError, SimulatorOptions};
 use gait::Gait;
 use report::{Sample, Tile};
 use robot::Robot;
