@@ -10,6 +10,7 @@
 mod against_urdf;
 mod encoding;
 mod error;
+mod folder;
 mod kinematics;
 mod leg_kinematics;
 mod mirror;
@@ -23,6 +24,7 @@ use std::path::{Path, PathBuf};
 use rigid_body::{Data, Description, FrameId, Model, forward_kinematics, frame_position};
 
 pub use error::RobotError;
+pub use folder::{NotFound, find};
 pub use leg_kinematics::{LegKinematics, LegSolution, ToeKinematics};
 pub use propose::{Proposal, propose};
 

@@ -1,8 +1,11 @@
 //! `tandem bag`: look at recordings, repair them, play them, run them again.
 
+#[cfg(feature = "network")]
 mod controls;
 mod export;
+#[cfg(feature = "network")]
 mod offers;
+#[cfg(feature = "network")]
 mod play;
 
 use crate::output;
@@ -36,6 +39,7 @@ enum Command {
     Info(InfoArguments),
     Recover(RecoverArguments),
     Verify(VerifyArguments),
+    #[cfg(feature = "network")]
     Play(play::Arguments),
     Filter(FilterArguments),
     Export(ExportArguments),
@@ -125,6 +129,7 @@ pub fn run(arguments: &Arguments) -> Result<ExitCode> {
         Command::Info(a) => info(a),
         Command::Recover(a) => recover(a),
         Command::Verify(a) => verify(a),
+        #[cfg(feature = "network")]
         Command::Play(a) => play::run(a),
         Command::Filter(a) => filter(a),
         Command::Export(a) => export(a),

@@ -13,9 +13,12 @@ mod report;
 mod robot;
 mod robots;
 mod shell;
+#[cfg(feature = "network")]
 mod show;
 mod simulate;
+#[cfg(feature = "network")]
 mod stop_button;
+#[cfg(feature = "network")]
 mod walk;
 
 use clap::{CommandFactory, Parser, Subcommand};
@@ -40,12 +43,15 @@ enum Command {
     Plan(plan::Arguments),
     Library(library::Arguments),
     Simulate(simulate::Arguments),
+    #[cfg(feature = "network")]
     Walk(walk::Arguments),
     Bag(bag::Arguments),
     Report(report::Arguments),
+    #[cfg(feature = "network")]
     Show(show::Arguments),
     Robot(robot::Arguments),
     Doctor(doctor::Arguments),
+    #[cfg(feature = "network")]
     StopButton(stop_button::Arguments),
     Completions(shell::CompletionsArguments),
     Man(shell::ManArguments),
@@ -60,12 +66,15 @@ fn main() -> ExitCode {
         Command::Plan(a) => plan::run(&a),
         Command::Library(a) => library::run(&a),
         Command::Simulate(a) => simulate::run(&a),
+        #[cfg(feature = "network")]
         Command::Walk(a) => walk::run(&a),
         Command::Bag(a) => bag::run(&a),
         Command::Report(a) => report::run(&a),
+        #[cfg(feature = "network")]
         Command::Show(a) => show::run(&a),
         Command::Robot(a) => robot::run(&a),
         Command::Doctor(a) => doctor::run(&a),
+        #[cfg(feature = "network")]
         Command::StopButton(a) => stop_button::run(&a),
         Command::Completions(a) => shell::completions(&a, &mut Arguments::command()),
         Command::Man(a) => shell::man(&a, Arguments::command()),

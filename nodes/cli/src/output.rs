@@ -66,12 +66,13 @@ fn bytes(bytes: &[u8]) -> Result<(), Unwritable> {
     out.write_all(bytes).and_then(|()| out.flush()).map_err(Unwritable)
 }
 
-/// From here on what is said goes to standard error: standard output is for a [`document`].
+/// From here on what is said goes to standard error: standard output is for a `document`.
 pub fn divert() {
     TAKEN.store(true, Ordering::Relaxed);
 }
 
 /// Prints one JSON value on a line of its own on standard output, whatever is said elsewhere.
+#[cfg(feature = "network")]
 pub fn document(value: &serde_json::Value) -> Result<(), Unwritable> {
     bytes(format!("{value}\n").as_bytes())
 }

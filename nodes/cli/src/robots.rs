@@ -33,7 +33,7 @@ pub fn file(given: &Path) -> PathBuf {
     let config = std::env::var_os("TANDEM_CONFIG");
     let chosen = config.zip(given.strip_prefix("config").ok()).map(|(config, rest)| Path::new(&config).join(rest));
     // Where none exists, opening the given one gives the error that a person expects.
-    chosen.filter(|file| file.exists()).or_else(|| ros::find(given).ok()).unwrap_or_else(|| given.into())
+    chosen.filter(|file| file.exists()).or_else(|| robot::find(given).ok()).unwrap_or_else(|| given.into())
 }
 
 /// A path, searched as every file; a bare name in the configuration folder: `TANDEM_CONFIG`, or `config` here or above

@@ -46,7 +46,7 @@ struct Drives {
 }
 
 fn open_bus(file: &Path, robot: &Robot, config: &control::Config) -> anyhow::Result<Drives> {
-    let file = ros::find(file)?;
+    let file = robot::find(file)?;
     let text = std::fs::read_to_string(&file).with_context(|| format!("{}", file.display()))?;
     let bus = BusConfig::from_toml_str(&text, &robot.name, &config.joint_names)
         .and_then(|bus| bus.check_ranges(&config.command_range()).map(|()| bus))
@@ -121,7 +121,7 @@ impl Work {
 
     fn open(&self, active: bool) -> anyhow::Result<Running> {
         let parameters = &self.parameters;
-        let robot = Robot::load(&ros::find(&parameters.robot_folder)?)?;
+        let robot = Robot::load(&robot::find(&parameters.robot_folder)?)?;
         for note in &robot.notes {
             tracing::info!("robot '{}': {note}", robot.name);
         }

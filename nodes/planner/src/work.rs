@@ -211,7 +211,7 @@ impl Work {
 
 impl Managed for Work {
     fn configure(&mut self, goes_active: bool) -> Result<(), String> {
-        let folder = ros::find(Path::new(&self.parameters.folder)).map_err(|error| error.to_string())?;
+        let folder = robot::find(Path::new(&self.parameters.folder)).map_err(|error| error.to_string())?;
         let robot = Robot::load(&folder).map_err(|error| format!("robot folder {}: {error}", folder.display()))?;
         for note in &robot.notes {
             tracing::info!("robot '{}': {note}", robot.name);

@@ -17,7 +17,7 @@ fn drives(config: &Config, robot: &Robot, interfaces: &[String]) -> anyhow::Resu
     if config.pace != Pace::Realtime {
         anyhow::bail!("--can needs mode realtime: frames on a bus do not wait");
     }
-    let file = ros::find(&config.bus_file)?;
+    let file = robot::find(&config.bus_file)?;
     let text = std::fs::read_to_string(&file).with_context(|| format!("cannot read {}", file.display()))?;
     let mut bus = BusConfig::from_toml_str(&text, &robot.name, &robot.joint_names())
         .with_context(|| file.display().to_string())?;
@@ -57,7 +57,7 @@ impl Work {
     }
 
     fn open(&self, active: bool) -> anyhow::Result<Running> {
-        let robot = Robot::load(&ros::find(&self.config.robot_folder)?)?;
+        let robot = Robot::load(&robot::find(&self.config.robot_folder)?)?;
         let bench = self.can.as_deref().map(|interfaces| drives(&self.config, &robot, interfaces)).transpose()?;
         let node = self.node.part();
         let mut bridge = Bridge::new(&node, self.config.clone(), &robot, bench)?;

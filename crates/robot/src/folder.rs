@@ -1,4 +1,4 @@
-//! Where a node's files are.
+//! Where a program's files are: robots, requests, gaits, wiring.
 
 use std::path::{Path, PathBuf};
 
@@ -14,7 +14,8 @@ pub struct NotFound {
 }
 
 /// A folder or file given relative to the working folder or, where it is not there, to a folder above the program or to
-/// `share/tandem` in one: a clone's program finds the clone's `config` from anywhere, an installed one the installed `config`.
+/// `share/tandem` in one: a clone's program finds the clone's `config` from anywhere, an installed one the installed
+/// `config`.
 ///
 /// # Errors
 /// It is nowhere; the places are named.
