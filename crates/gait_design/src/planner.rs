@@ -7,8 +7,8 @@ use crate::refine::{REFINEMENTS, finer_grid, on_grid};
 use crate::request::{GaitRequest, MOST_POINTS, RequestError};
 use crate::verification::BetweenPoints;
 use crate::{
-    Plan, PlanError, PlanOptions, ProgramSettings, Reference, SubproblemSolver, WarmStart, between_points, guess,
-    leg_length_m, not_converged, on_slope, plan_full_order, program, program_of, recompose, summary,
+    Plan, PlanError, PlanOptions, ProgramSettings, Reference, SubproblemSolver, Tolerances, WarmStart, between_points,
+    guess, leg_length_m, not_converged, on_slope, plan_full_order, program, program_of, recompose, summary,
 };
 use nlp::{Iteration, NullSpace, Solution, SqpSolver, Status};
 use robot::Robot;
@@ -114,11 +114,15 @@ impl Planner {
         let Prepared { robot, program, .. } = self.prepared.last().expect("solving prepares");
         let points = recompose::points(robot, program, &solution.x, recompose::BALANCE_TOLERANCE)?;
         let summary = summary(&solution);
-        let (x, coefficients) = (&solution.x, recompose::coefficients(program, &solution.x));
-        let mut gait = recompose::gait(robot, coefficients, x[program::layout::T], request, &points, summary, None)?;
+        let (t, mut coefficients) = (solution.x[program::layout::T], recompose::coefficients(program, &solution.x));
+        let tolerance_rad = Tolerances::of(robot, request.torque_limit_nm).angle_rad;
+        // One that is off where the step ends jumps at the switch, and is no gait.
+        if recompose::departs_at_the_end_rad(&coefficients, &points) > tolerance_rad {
+            recompose::fit_stance_rolls(&mut coefficients, &STANCE_ROLLS, &points, t);
+        }
+        let mut gait = recompose::gait(robot, coefficients, t, request, &points, summary, None)?;
         let mut between = between_points(robot, request, &gait, &points);
-        if between.polynomial_rad > between.tolerances.angle_rad {
-            let t = gait.step_duration_s;
+        if between.polynomial_rad > tolerance_rad {
             recompose::fit_stance_rolls(&mut gait.coefficients_rad, &STANCE_ROLLS, &points, t);
             between = between_points(robot, request, &gait, &points);
         }

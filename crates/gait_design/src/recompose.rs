@@ -87,6 +87,12 @@ pub(crate) fn coefficients(program: &DecomposedProgram, x: &[f64]) -> [Coefficie
     coefficients_rad
 }
 
+/// How far a joint's polynomial is from the joint where the step ends, rad.
+pub(crate) fn departs_at_the_end_rad(coefficients_rad: &[Coefficients; JOINTS], points: &[PlanPoint]) -> f64 {
+    let last = &points[points.len() - 1];
+    (0..JOINTS).map(|j| (coefficients_rad[j][bezier::DEGREE] - last.q[6 + j]).abs()).fold(0.0, f64::max)
+}
+
 /// The stance hip rolls' polynomials once more, nearest to how they move at the points. The program holds a stance
 /// hip roll to its polynomial at four points only, for the distance of the toes determines it (mathematics.md, 5); in
 /// long steps its motion is no polynomial, and one through the ends is nearer than one through four accelerations.

@@ -77,31 +77,24 @@ pub fn simulate_planned_step(
     let t = gait.step_duration_s;
     let (side, legs, swing) = step_of(points);
     let [stance, swing] = [legs, swing].map(|legs| legs.map(|leg| robot.legs[leg].toe));
+    let rolls = legs.map(|leg| 6 + 3 * leg);
     let start = State { time_s: 0.0, q: points[0].q.to_vec(), v: points[0].v.to_vec() };
     let instants = SIMULATED_FINER * (points.len() - 1);
     let times: Vec<f64> = (0..=instants).map(|k| k as f64 / instants as f64 * t).collect();
     let mut data = Data::new(model);
-    let mut dynamics = ContactDynamics::new(model, stance.len());
-    // The joints' torques under the law and the normal forces that go with them.
-    let mut act = |time: f64, q: &[f64], v: &[f64]| -> Result<Action, DynamicsError> {
+    // The joints' torques under the law.
+    let mut act = |time: f64, q: &[f64], v: &[f64]| -> [f64; JOINTS] {
         match law {
             StepLaw::Linearising => {
                 let wanted = output_acceleration(gait, side, time, q, v);
-                Ok(linearise(model, &mut data, &stance, q, v, &wanted))
+                linearise(model, &mut data, stance, rolls, q, v, &wanted)
             }
             StepLaw::Tracking => {
                 let (position, velocity) = gait.reference(side, (time / t).clamp(0.0, 1.0));
-                let torque: [f64; JOINTS] = std::array::from_fn(|j| {
-                    gait.kp[j] * (position[j] - q[6 + j]) + gait.kd[j] * (velocity[j] - v[6 + j])
-                });
-                let mut tau = vec![0.0; model.dof()];
-                tau[6..].copy_from_slice(&torque);
-                let forces = &dynamics.motion(model, q, v, &tau, &stance)?.forces;
-                Ok(Action { torque, normal_force: [forces[0].z, forces[1].z] })
+                std::array::from_fn(|j| gait.kp[j] * (position[j] - q[6 + j]) + gait.kd[j] * (velocity[j] - v[6 + j]))
             }
         }
     };
-    let mut failed = None;
     let phase = simulate_phase(
         model,
         &start,
@@ -110,18 +103,8 @@ pub fn simulate_planned_step(
         Contacts { stance: &stance, swing: &[] },
         &times,
         &Options { relative_tolerance: 1e-7, absolute_tolerance: 1e-7, ..Options::default() },
-        |time, q, v, torque| match act(time, q, v) {
-            Ok(solution) => torque.copy_from_slice(&solution.torque),
-            Err(e) => {
-                torque.fill(f64::NAN);
-                failed = Some(e);
-            }
-        },
-    );
-    if let Some(e) = failed {
-        return Err(e);
-    }
-    let phase = phase?;
+        |time, q, v, torque| torque.copy_from_slice(&act(time, q, v)),
+    )?;
 
     let mut comparison = StepComparison {
         joint_error_rad: 0.0,
@@ -136,12 +119,15 @@ pub fn simulate_planned_step(
     };
     // The start is the first state unless it was asked for.
     let states: Vec<&State> = std::iter::once(&start).chain(phase.states.iter().filter(|s| s.time_s > 0.0)).collect();
+    let mut dynamics = ContactDynamics::new(model, stance.len());
+    let mut tau = vec![0.0; model.dof()];
     for state in &states {
-        let solution = act(state.time_s, &state.q, &state.v)?;
+        tau[6..].copy_from_slice(&act(state.time_s, &state.q, &state.v));
+        let forces = &dynamics.motion(model, &state.q, &state.v, &tau, &stance)?.forces;
         comparison.simulated.push(SimulatedPoint {
             time_s: state.time_s,
             joint_position_rad: std::array::from_fn(|j| state.q[6 + j]),
-            normal_force_n: solution.normal_force,
+            normal_force_n: [forces[0].z, forces[1].z],
         });
     }
     for point in points {
@@ -191,31 +177,40 @@ pub(crate) fn step_of(points: &[PlanPoint]) -> (StepSide, [usize; 2], [usize; 2]
     }
 }
 
-/// What a law does.
-struct Action {
-    torque: [f64; JOINTS],
-    normal_force: [f64; 2],
-}
-
-/// Torques that give the joints their accelerations on the ground: the base's six rows and the contacts are solved in the
-/// least-squares sense for the base's acceleration and the ground forces. (With all joints prescribed the contacts have one
-/// row too many, the distance of the toes, and one force too many, along the line between them.)
+/// Torques that give the joints their accelerations on the ground: the base's six rows and the contacts are solved for
+/// the base's acceleration and the ground forces. With all joints prescribed the contacts have one row too many, the
+/// distance of the toes: the hip rolls of the stance legs give way to it, as in the program, whose stance hip roll is
+/// where the toes have it and not on its polynomial. And they have one force too many, along the line between the toes:
+/// the least.
 fn linearise(
     model: &Model,
     data: &mut Data,
-    stance: &[rigid_body::FrameId; 2],
+    stance: [rigid_body::FrameId; 2],
+    rolls: [usize; 2],
     q: &[f64],
     v: &[f64],
     joints: &[f64; JOINTS],
-) -> Action {
+) -> [f64; JOINTS] {
     let mut a = [0.0; 18];
     a[6..].copy_from_slice(joints);
     let mut jacobian = DMatrix::zeros(6, 18);
     let mut drift = DVector::zeros(6);
-    for (k, toe) in stance.iter().enumerate() {
-        let point = rigid_body::point_kinematics(model, data, q, v, &a, *toe);
+    let mut place = [nalgebra::Vector3::zeros(); 2];
+    for (k, toe) in stance.into_iter().enumerate() {
+        let point = rigid_body::point_kinematics(model, data, q, v, &a, toe);
         jacobian.fixed_view_mut::<3, 18>(3 * k, 0).copy_from(&point.jacobian);
         drift.fixed_rows_mut::<3>(3 * k).copy_from(&point.acceleration);
+        place[k] = point.position;
+    }
+    let line = (place[1] - place[0]).normalize();
+    let along = |rows: &DVector<f64>| line.dot(&(rows.fixed_rows::<3>(3) - rows.fixed_rows::<3>(0)));
+    let by_roll = rolls.map(|roll| along(&jacobian.column(roll).into_owned()));
+    let both = by_roll.iter().map(|by| by * by).sum::<f64>();
+    // Toes in one line along the robot are not moved apart by hip rolls.
+    let share = if both > 1e-9 { along(&drift) / both } else { 0.0 };
+    for (roll, by) in rolls.into_iter().zip(by_roll) {
+        a[roll] -= share * by;
+        drift -= jacobian.column(roll) * (share * by);
     }
     let mass = crba(model, data, q).clone();
     let tau = rnea(model, data, q, v, &a, &[]).clone();
@@ -229,7 +224,7 @@ fn linearise(
     let solution = matrix.svd(true, true).solve(&right, 1e-7).expect("both factors were asked for");
     let force = solution.rows(6, 6).into_owned();
     let torque = tau + mass.columns(0, 6) * solution.rows(0, 6) - jacobian.tr_mul(&force);
-    Action { torque: std::array::from_fn(|j| torque[6 + j]), normal_force: [force[2], force[5]] }
+    std::array::from_fn(|j| torque[6 + j])
 }
 
 impl StepComparison {
