@@ -60,6 +60,7 @@ fn types() -> Vec<(String, Vec<Field>, Again)> {
         geometry_msgs::Pose,
         geometry_msgs::PoseStamped,
         geometry_msgs::Twist,
+        geometry_msgs::TwistStamped,
         geometry_msgs::Wrench,
         geometry_msgs::WrenchStamped,
         geometry_msgs::PoseWithCovariance,
