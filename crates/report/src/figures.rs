@@ -197,8 +197,9 @@ pub fn time_series(run: &Run) -> Result<Image, ReportError> {
     draw(1400, 1180, |area| {
         let title = format!("{}: {} run", run.gait.name, run.origin.word());
         let got = mean_forward_speed_m_s(run.settled());
-        let note =
-            format!("forward speed asked {asked:.2} m/s, got {got:.2} m/s; the dotted line is where walking begins");
+        let note = format!(
+            "the gait's forward speed is {asked:.2} m/s, along the first heading it got {got:.2} m/s; the dotted line is where walking begins"
+        );
         let plot = heading(area, &title, &note, &[])?;
         let panels = plot.split_evenly((4, 1));
         let panel = |index: usize, label: &str, values: Range<f64>, series: &[Series]| -> Result<(), ReportError> {
@@ -248,7 +249,7 @@ pub fn time_series(run: &Run) -> Result<Image, ReportError> {
             speeds,
             &[
                 Series::new("", &speed, run.origin.colour().mix(0.35), 1.0),
-                Series::new("asked", &line_of_plan, RED.to_rgba(), 1.8),
+                Series::new("the gait's", &line_of_plan, RED.to_rgba(), 1.8),
                 Series::new("stride's mean", &mean_speed, run.origin.colour().to_rgba(), 2.2),
             ],
         )
