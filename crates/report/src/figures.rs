@@ -197,9 +197,8 @@ pub fn time_series(run: &Run) -> Result<Image, ReportError> {
     draw(1400, 1180, |area| {
         let title = format!("{}: {} run", run.gait.name, run.origin.word());
         let got = mean_forward_speed_m_s(run.settled());
-        let note = format!(
-            "the gait's forward speed is {asked:.2} m/s, along the first heading it got {got:.2} m/s; the dotted line is where walking begins"
-        );
+        let note =
+            format!("the gait's speed {asked:.2} m/s, along the first heading {got:.2} m/s; dotted: walking begins");
         let plot = heading(area, &title, &note, &[])?;
         let panels = plot.split_evenly((4, 1));
         let panel = |index: usize, label: &str, values: Range<f64>, series: &[Series]| -> Result<(), ReportError> {

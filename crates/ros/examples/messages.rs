@@ -26,6 +26,14 @@ fn again<M: Message>(cdr: &[u8]) -> Result<Vec<u8>, String> {
 
 type Again = fn(&[u8]) -> Result<Vec<u8>, String>;
 
+macro_rules! action {
+    ($types:ident, $action:ty: $($part:ident),*) => { $( {
+        type Part = <$action as Action>::$part;
+        let name = format!("{}/action/{}.{}", <$action>::PACKAGE, <$action>::NAME, stringify!($part));
+        $types.push((name, Part::fields(), again::<Part>));
+    } )* };
+}
+
 /// Every type: its name as rclpy's modules have it, its fields, its two-way conversion.
 fn types() -> Vec<(String, Vec<Field>, Again)> {
     let mut types: Vec<(String, Vec<Field>, Again)> = Vec::new();
@@ -121,14 +129,7 @@ fn types() -> Vec<(String, Vec<Field>, Again)> {
         StopRecording,
         ClearFault,
     );
-    macro_rules! action {
-        ($action:ty: $($part:ident),*) => { $( {
-            type Part = <$action as Action>::$part;
-            let name = format!("{}/action/{}.{}", <$action>::PACKAGE, <$action>::NAME, stringify!($part));
-            types.push((name, Part::fields(), again::<Part>));
-        } )* };
-    }
-    action!(GenerateGaitAction: Goal, Result, Feedback);
+    action!(types, GenerateGaitAction: Goal, Result, Feedback);
     types
 }
 
