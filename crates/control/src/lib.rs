@@ -48,6 +48,7 @@ pub use controller::Controller;
 pub use inertial::{InertialState, Tilt, is_unit_length};
 pub use interface::{DampingReason, Input, MAX_REQUESTS, Output, Request};
 // What the interface is made of.
+pub use estimator::Health;
 pub use joints::{Fault, FaultReport, FaultSet, JOINTS, JointCommand, JointState, Severity, resolution};
 pub use law::balanced;
 pub use law::balanced::{Velocity, VelocityCommand};

@@ -21,6 +21,12 @@ pub struct JointState {
 }
 
 impl JointState {
+    /// Of drives that report positions (rad) and velocities (rad/s) only, all at `stamp`.
+    pub fn measured(stamp: Duration, position_rad: [f64; JOINTS], velocity_rad_s: [f64; JOINTS]) -> Self {
+        let (arrived, temperature_c, drive_error) = ([stamp; JOINTS], None, [0; JOINTS]);
+        Self { stamp, arrived, position_rad, velocity_rad_s, temperature_c, drive_error }
+    }
+
     /// The state as the controller takes it.
     pub fn to_resolution(self) -> Self {
         Self {

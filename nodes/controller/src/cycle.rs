@@ -25,6 +25,15 @@ pub struct TimedInertial {
     pub wall: Duration,
 }
 
+/// A velocity that is asked for and when it came in, on the monotonic clock.
+#[derive(Clone, Copy, Debug)]
+pub struct TimedVelocity {
+    /// What is asked for.
+    pub velocity: Velocity,
+    /// When it came in.
+    pub wall: Duration,
+}
+
 /// A request and the number under which its reply is waited for.
 #[derive(Clone, Copy, Debug)]
 pub struct Asked {
@@ -115,7 +124,7 @@ pub struct Cycle {
     /// What the inertial unit says, in.
     pub inertial: Consumer<TimedInertial>,
     /// Velocities that are asked for, in.
-    pub velocities: Consumer<Velocity>,
+    pub velocities: Consumer<TimedVelocity>,
     /// Requests in.
     pub asked: Consumer<Asked>,
     /// Gaits in, numbered from 1.
@@ -164,8 +173,8 @@ impl Cycle {
             let state = InertialState { arrived: now, ..newer.state };
             memory.inertial = Some(TimedInertial { state, ..newer });
         }
-        while let Ok(velocity) = self.velocities.pop() {
-            memory.velocity = Some(VelocityCommand { velocity, arrived: now });
+        while let Ok(newer) = self.velocities.pop() {
+            memory.velocity = Some(memory.command(newer, now, wall));
         }
         let inertial = memory
             .inertial
@@ -315,6 +324,13 @@ struct Memory {
 }
 
 impl Memory {
+    /// A velocity that waited for its cycle is as old as that: none from before the cycle ran is new to it.
+    fn command(&self, heard: TimedVelocity, now: Duration, wall: Duration) -> VelocityCommand {
+        // In lockstep time may stand still.
+        let age = if self.lockstep { Duration::ZERO } else { wall.saturating_sub(heard.wall) };
+        VelocityCommand { velocity: heard.velocity, arrived: now.saturating_sub(age) }
+    }
+
     fn age(&self, unit: &TimedInertial, now: Duration, wall: Duration) -> Duration {
         if self.lockstep { now.saturating_sub(unit.state.arrived) } else { wall.saturating_sub(unit.wall) }
     }
@@ -360,5 +376,20 @@ mod tests {
         durations.record(Duration::from_millis(1));
         let (all, recent) = durations.report();
         assert_eq!((all[2], recent), (slow[0], [Duration::from_millis(1); 3]));
+    }
+
+    #[test]
+    fn a_velocity_that_waited_while_no_cycle_ran_is_not_walked() {
+        let velocity = Velocity { forward_m_s: 0.3, ..Velocity::default() };
+        let heard = TimedVelocity { velocity, wall: Duration::from_secs(100) };
+        // The cycle's clock is another than the machine's.
+        let at = |waited: Duration, lockstep: bool| {
+            let memory = Memory { lockstep, ..Memory::default() };
+            memory.command(heard, Duration::from_secs(7), heard.wall + waited).at(Duration::from_secs(7), 0.5)
+        };
+        assert_eq!(at(Duration::from_millis(400), false), velocity);
+        assert_eq!(at(Duration::from_millis(600), false), Velocity::default());
+        assert_eq!(at(Duration::from_secs(60), false), Velocity::default());
+        assert_eq!(at(Duration::from_secs(60), true), velocity);
     }
 }

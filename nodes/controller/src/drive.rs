@@ -1,5 +1,6 @@
 //! Balance and driving: the node's parameters for them, and `cmd_vel`.
 
+use crate::cycle::TimedVelocity;
 use crate::inputs::{InputProblems, Topic};
 use control::balanced::{BalanceConfig, default};
 use control::{Config, Velocity};
@@ -87,7 +88,7 @@ impl DriveParameters {
     pub fn listen(
         &self,
         node: &Node,
-        mut velocities: Producer<Velocity>,
+        mut velocities: Producer<TimedVelocity>,
         problems: Arc<InputProblems>,
     ) -> Result<(), RosError> {
         if !self.balance {
@@ -98,8 +99,8 @@ impl DriveParameters {
                 Velocity { forward_m_s: twist.linear.x, left_m_s: twist.linear.y, yaw_rad_s: twist.angular.z };
             if velocity.is_finite() {
                 problems.is_fine(Topic::CmdVel);
-                // A full buffer: the cycle takes the newest of what is there, or has ended.
-                let _ = velocities.push(velocity);
+                // A full buffer: no cycle runs, and what waits will be too old for the next one.
+                let _ = velocities.push(TimedVelocity { velocity, wall: monotonic_now() });
             } else {
                 let text = format!(
                     "refused: linear.x {}, linear.y {}, angular.z {}: expected finite numbers",

@@ -1,7 +1,7 @@
 //! What the controller publishes of the base: its estimate as `odom` and `/tf`, by REP 105.
 
 use control::balanced::BalanceConfig;
-use control::{Config, Output};
+use control::{Config, Health, Output};
 use ros::{Clock, Node, PublishError, Publisher, Qos, RosError};
 use std::time::Duration;
 use tandem_msgs::Covariance;
@@ -56,14 +56,14 @@ impl Odometer {
     /// # Errors
     /// What the middleware refuses.
     pub fn print(&self, output: &Output) -> Result<(), PublishError> {
-        let estimate = output.estimate.filter(|estimate| estimate.health().name() != "waiting");
+        let estimate = output.estimate.filter(|estimate| estimate.health() != Health::Waiting);
         let (Some(estimate), true) = (estimate, output.cycles.is_multiple_of(self.every)) else { return Ok(()) };
         let stamp = match (&self.clock, output.answered) {
             (Some(clock), _) => clock.now(),
             (None, Some(answered)) => time(answered),
             (None, None) => return Ok(()),
         };
-        let good = estimate.health().name() == "good";
+        let good = estimate.health() == Health::Good;
         let variances = estimate.variances(&self.balance.estimator);
         let [odom, base] = &self.frames;
         let [x, y, z] = estimate.position_m();

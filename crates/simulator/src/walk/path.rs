@@ -56,14 +56,7 @@ impl Path {
     pub(super) fn read(&mut self, simulator: &Simulator, now: Duration) -> Option<JointState> {
         let (position_rad, velocity_rad_s) = simulator.joints();
         match self {
-            Self::Own { .. } => Some(JointState {
-                stamp: now,
-                arrived: [now; 12],
-                position_rad,
-                velocity_rad_s,
-                temperature_c: None,
-                drive_error: [0; 12],
-            }),
+            Self::Own { .. } => Some(JointState::measured(now, position_rad, velocity_rad_s)),
             Self::Bus { bus, bench, readings } => {
                 // What was written in the last cycle has been answered; only the greeting still waits.
                 if now.is_zero() {

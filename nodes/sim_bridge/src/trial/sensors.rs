@@ -91,14 +91,7 @@ impl Sensors {
                 + noise.acceleration_m_s2 * random.normal()
         });
         (self.felt, self.feelings) = ([0.0; 3], 0.0);
-        let joints = JointState {
-            stamp: now,
-            arrived: [now; 12],
-            position_rad,
-            velocity_rad_s,
-            temperature_c: None,
-            drive_error: [0; 12],
-        };
+        let joints = JointState::measured(now, position_rad, velocity_rad_s);
         let inertial = InertialState {
             stamp: now,
             arrived: now,
