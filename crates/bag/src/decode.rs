@@ -1,6 +1,7 @@
 //! Decoding a message by the definition embedded in the bag, for types met for the first time.
 
-use crate::definition::{Count, Element, Primitive};
+use recorder::{Count, Element, Primitive};
+
 use crate::{BagError, Definition};
 
 /// A decoded value.

@@ -8,13 +8,12 @@ use std::fs::File;
 use std::os::unix::fs::FileExt;
 use std::path::PathBuf;
 
+use recorder::{Channel, Message, Schema};
+
 use crate::BagError;
 use crate::cursor::Cursor;
 use crate::data_file::DataFile;
-use crate::message::Message;
-use crate::records::{
-    Channel, LARGEST_RECORD, Schema, channel, decompress_chunk, for_each_record, message, message_head, op, schema,
-};
+use crate::records::{LARGEST_RECORD, channel, decompress_chunk, for_each_record, message, message_head, op, schema};
 
 const MAGIC: &[u8; 8] = b"\x89MCAP0\r\n";
 

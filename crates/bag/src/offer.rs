@@ -241,6 +241,13 @@ mod tests {
     use super::*;
 
     #[test]
+    fn what_is_written_is_read_back() {
+        for qos in [Qos::sensor(1), Qos::reliable(10), Qos::latched()] {
+            assert_eq!(Offer::for_all(&Offer::list_from_yaml(&qos.to_yaml())).map(Qos::from), Some(qos));
+        }
+    }
+
+    #[test]
     fn numbers_of_older_bags_are_understood() {
         let text = "- history: 1\n  depth: 7\n  reliability: 2\n  durability: 1\n  deadline: {sec: 0, nsec: 0}\n";
         let expected = Qos { reliability: Reliability::BestEffort, durability: Durability::TransientLocal, depth: 7 };

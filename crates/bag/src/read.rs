@@ -5,15 +5,15 @@ use std::collections::{BTreeMap, BinaryHeap};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
+use recorder::{Channel, metadata};
 use serde::Deserialize;
 use serde::de::DeserializeOwned;
 
 use crate::data_file::{DataFile, absent, data_files, inner_name, listed_file, unpack_message};
 use crate::mcap_file::{McapFile, Ordered};
-use crate::message::Message;
-use crate::records::Channel;
+use crate::records::offers;
 use crate::sqlite_file::SqliteFile;
-use crate::{BagError, Definition, Offer, Qos, full_definition, metadata};
+use crate::{BagError, Definition, Message, Offer, Qos, full_definition};
 
 /// A topic of a bag.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -262,10 +262,10 @@ impl Bag {
             Some(index) => {
                 let topic = &mut self.topics[index];
                 topic.messages += channel.messages;
-                for offer in channel.offers() {
+                for offer in offers(channel) {
                     // A later part of a split bag says the same again.
                     if topic.offers.iter().filter(|known| **known == offer).count()
-                        < channel.offers().iter().filter(|known| **known == offer).count()
+                        < offers(channel).iter().filter(|known| **known == offer).count()
                     {
                         topic.offers.push(offer);
                     }
@@ -278,7 +278,7 @@ impl Bag {
                 definition: channel.definition(),
                 encoding: channel.message_encoding.clone(),
                 qos: None,
-                offers: channel.offers(),
+                offers: offers(channel),
                 messages: channel.messages,
                 channel: channel.clone(),
             }),

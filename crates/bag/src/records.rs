@@ -3,15 +3,13 @@
 use std::collections::BTreeMap;
 use std::io::Read;
 
+use recorder::{Channel, Message, OFFERED, Schema};
+
 use crate::Offer;
 use crate::cursor::Cursor;
-use crate::message::Message;
 
 /// More than any sensible chunk or record; a larger size in a file is damage, and is not allocated.
 pub(crate) const LARGEST_RECORD: u64 = 1 << 30;
-
-/// The key under which rosbag2 keeps what publishers offered.
-pub(crate) const OFFERED: &str = "offered_qos_profiles";
 
 pub(crate) mod op {
     pub(crate) const HEADER: u8 = 1;
@@ -22,36 +20,9 @@ pub(crate) mod op {
     pub(crate) const DATA_END: u8 = 15;
 }
 
-/// A topic of a file, with everything that the file says about it.
-#[derive(Clone, Debug, PartialEq, Eq)]
-pub(crate) struct Channel {
-    pub(crate) topic: String,
-    pub(crate) type_name: String,
-    pub(crate) schema: Option<Schema>,
-    pub(crate) message_encoding: String,
-    pub(crate) about: BTreeMap<String, String>,
-    pub(crate) messages: u64,
-}
-
-impl Channel {
-    /// The `ros2msg` text, if the schema is in that encoding.
-    pub(crate) fn definition(&self) -> Option<String> {
-        let schema = self.schema.as_ref().filter(|schema| schema.encoding == "ros2msg")?;
-        String::from_utf8(schema.data.clone()).ok()
-    }
-
-    /// What its publishers offered; none if the file does not say.
-    pub(crate) fn offers(&self) -> Vec<Offer> {
-        self.about.get(OFFERED).map_or(Vec::new(), |text| Offer::list_from_yaml(text))
-    }
-}
-
-/// What messages of a type look like, in a language that `encoding` names.
-#[derive(Clone, Debug, PartialEq, Eq)]
-pub(crate) struct Schema {
-    pub(crate) name: String,
-    pub(crate) encoding: String,
-    pub(crate) data: Vec<u8>,
+/// What the channel's publishers offered; none if the file does not say.
+pub(crate) fn offers(channel: &Channel) -> Vec<Offer> {
+    channel.about.get(OFFERED).map_or(Vec::new(), |text| Offer::list_from_yaml(text))
 }
 
 pub(crate) fn schema(bytes: &[u8]) -> Option<(u16, Schema)> {

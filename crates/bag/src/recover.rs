@@ -4,8 +4,9 @@ use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
+use recorder::BagCopy;
+
 use crate::BagError;
-use crate::copy::Copy;
 use crate::data_file::{DataFile, ZSTD_MARK, data_files, inner_name, unpack_message};
 use crate::mcap_file::McapFile;
 
@@ -55,7 +56,7 @@ pub fn recover(source: impl AsRef<Path>, target: impl AsRef<Path>) -> Result<Rec
     if let (Some(error), true) = (refused, scanned.is_empty()) {
         return Err(error);
     }
-    let mut copy = Copy::open(target)?;
+    let mut copy = BagCopy::open(target)?;
     let mut messages = 0;
     for file in scanned {
         let mut topics = BTreeMap::new();

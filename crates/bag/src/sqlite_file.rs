@@ -3,12 +3,11 @@
 use std::collections::{BTreeMap, VecDeque};
 use std::path::{Path, PathBuf};
 
+use recorder::{Channel, Message, OFFERED, Schema};
 use rusqlite::{Connection, OpenFlags};
 
 use crate::BagError;
 use crate::data_file::{DataFile, SqliteMode};
-use crate::message::Message;
-use crate::records::{Channel, OFFERED, Schema};
 
 /// Rows fetched at a time.
 const PAGE: i64 = 512;

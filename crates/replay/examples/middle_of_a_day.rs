@@ -5,8 +5,8 @@
 
 use control::{Config, Controller, Fault, Input, JointState, Mode, Output, PreparedGait, Request};
 use gait::Gait;
-use replay::{RunInfo, RunRecorder};
 use robot::Robot;
+use run_recorder::{RunInfo, RunRecorder};
 use std::path::Path;
 use std::time::Duration;
 

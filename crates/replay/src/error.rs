@@ -1,8 +1,8 @@
-//! What can go wrong in recording or replaying a run.
+//! What can go wrong in replaying a run.
 
 use std::path::PathBuf;
 
-/// An error of recording or replaying a run.
+/// An error of replaying a run.
 #[derive(Debug, thiserror::Error)]
 pub enum ReplayError {
     /// The bag cannot be written or read.

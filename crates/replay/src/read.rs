@@ -1,19 +1,19 @@
-//! Reading a run for a report: from a bag that [`crate::RunRecorder`] wrote, or one recorded from the topics of the nodes.
+//! Reading a run for a report: from a bag that [`run_recorder::RunRecorder`] wrote, or one recorded from the topics of the nodes.
 
 use std::path::{Path, PathBuf};
 
 use bag::{Bag, BagTopic, from_cdr};
 use gait::{Gait, JOINTS, LEGS};
 use report::Sample;
+use run_recorder::{Continuity, names};
 use tandem_msgs::ControllerState;
 use tandem_msgs::geometry_msgs::WrenchStamped;
 use tandem_msgs::nav_msgs::Odometry;
 use tandem_msgs::sensor_msgs::JointState;
 
 use crate::ReplayError;
-use crate::continuity::{Continuity, cycle_time};
+use crate::continuity::cycle_time;
 use crate::cycle::control_cycle;
-use crate::names;
 
 /// The legs' names in the topics of ground forces, in the project's order.
 pub(crate) const LEG_NAMES: [&str; LEGS] = ["front_left", "rear_left", "front_right", "rear_right"];

@@ -8,12 +8,12 @@ use control::{
     Config, Controller, Fault, FaultReport, Input, JOINTS, PreparedGait, Request, Snapshot, SnapshotVersion1,
 };
 use gait::Gait;
+use run_recorder::names::{self, request_of};
 use tandem_msgs::sensor_msgs::JointState;
 use tandem_msgs::{ControlCycle, JointCommand};
 
 use crate::ReplayError;
 use crate::cycle::{before, control_cycle, inertial_state, velocity_command};
-use crate::names::{self, request_of};
 
 /// A command that came out differently.
 #[derive(Clone, Debug, PartialEq)]

@@ -6,8 +6,9 @@ use std::time::{Duration, Instant};
 use bag::{Bag, Qos, Recorder, RecorderOptions, from_cdr, to_cdr};
 use control::{Config, Controller, InertialState, Input, JointState, PreparedGait, Request, Tilt};
 use gait::{Gait, InitialState, Mirror, SolverSummary};
-use replay::{BodySample, ReplayError, RunInfo, RunRecorder, read_run, verify};
+use replay::{ReplayError, read_run, verify};
 use robot::Robot;
+use run_recorder::{BodySample, RunInfo, RunRecorder};
 
 fn robot() -> Robot {
     Robot::load(Path::new(concat!(env!("CARGO_MANIFEST_DIR"), "/../../config/robots/vision60"))).unwrap()

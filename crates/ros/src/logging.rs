@@ -11,10 +11,11 @@ use tandem_msgs::rcl_interfaces::Log;
 use tandem_msgs::text::printable;
 use tracing::field::{Field, Visit};
 use tracing::{Event, Level, Metadata, Subscriber};
+use tracing_subscriber::Layer;
+use tracing_subscriber::filter::Targets;
 use tracing_subscriber::fmt::format::debug_fn;
 use tracing_subscriber::layer::{Context, SubscriberExt};
 use tracing_subscriber::util::SubscriberInitExt;
-use tracing_subscriber::{EnvFilter, Layer};
 
 use crate::Arguments;
 
@@ -43,7 +44,8 @@ pub(crate) fn start(arguments: &Arguments, node: &str) -> Option<Receiver<Log>> 
         let target = if logger == node { "tandem" } else { logger };
         let _ = write!(directives, ",{target}={level}"); // writing to a String cannot fail
     }
-    let filter = EnvFilter::try_new(&directives).unwrap_or_else(|_| EnvFilter::new("info"));
+    // Not the filter that the environment configures: it brings two engines of regular expressions into every node.
+    let filter: Targets = directives.parse().unwrap_or_else(|_| Targets::new().with_default(Level::INFO));
     let (sender, receiver) = sync_channel(WAITING_LINES);
     let first = arguments.rosout && ROSOUT.set(sender).is_ok();
     let lines = screen_layer(std::io::stderr, std::io::IsTerminal::is_terminal(&std::io::stderr()));

@@ -6,12 +6,13 @@ use crate::interrupt::Interrupt;
 use crate::output;
 use crate::progress::Progress;
 use crate::robots::{self, RobotArguments};
+use ::bag::BagError;
 use anyhow::{Context, Result, bail};
 use control::{DriveMode, Velocity};
 use gait::Gait;
 use joint_bus::{BusConfig, DriveModel};
-use replay::{BodySample, ReplayError, RunInfo, RunRecorder};
 use robot::Robot;
+use run_recorder::{BodySample, RunInfo, RunRecorder};
 use simulator::pictures::{self, Studio};
 use simulator::walk::{self, Cycle, Drives, End, Start, Walk, WalkOptions};
 use simulator::{Posture, Push, RobotState, SimulatorOptions, Terrain};
@@ -260,7 +261,7 @@ fn simulate(robot: &Robot, gait: &Gait, options: &WalkOptions, out: Option<&Path
 /// The run's bag. The first error is kept until the end: the walk itself goes on.
 struct Recording {
     run: RunRecorder,
-    failed: Option<ReplayError>,
+    failed: Option<BagError>,
 }
 
 impl Recording {
@@ -286,7 +287,7 @@ impl Recording {
         }
     }
 
-    fn record(&mut self, state: &RobotState, cycle: &Cycle) -> Result<(), ReplayError> {
+    fn record(&mut self, state: &RobotState, cycle: &Cycle) -> Result<(), BagError> {
         self.run.cycle(cycle.now, cycle.input, cycle.output, Some(&state.joint_torque_nm))?;
         // The base at 100 Hz is as much as a picture shows.
         if cycle.output.cycles % 10 == 1 {

@@ -3,14 +3,14 @@
 //! The cycle's end ([`Tape`]) takes no lock, allocates nothing and never waits: what does not fit is dropped and counted. The
 //! writer's end ([`Recording`]) has a thread of its own; a full or missing disk is a fault of the recording, not of the walk.
 
-use bag::{RecorderOptions, RecorderStatus};
 use control::{
     Config, Controller, InertialState, Input, JOINTS, JointState, MAX_REQUESTS, Output, PreparedGait, Request, Snapshot,
 };
 use gait::{Gait, LEGS};
-use replay::{Continuity, ReplayError, RunInfo, RunRecorder};
+use recorder::{BagError, RecorderOptions, RecorderStatus};
 use ros::{Node, Qos, RosError};
 use rtrb::{Consumer, Producer, RingBuffer};
+use run_recorder::{Continuity, RunInfo, RunRecorder};
 use std::collections::BTreeMap;
 use std::path::PathBuf;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
@@ -200,7 +200,7 @@ struct Run {
     number: u64,
     recorder: RunRecorder,
     begun: bool,
-    topics: BTreeMap<String, bag::Topic>,
+    topics: BTreeMap<String, recorder::Topic>,
     continuity: Continuity,
 }
 
@@ -296,7 +296,7 @@ impl Recording {
             self.dropped_others.fetch_add(1, Ordering::Relaxed);
             return;
         }
-        match bag::to_cdr(M::NAME, message) {
+        match recorder::to_cdr(M::NAME, message) {
             Ok(cdr) => {
                 let _ = self.orders.send(Order::Other { topic, leg, cdr });
             }
@@ -520,19 +520,19 @@ impl Writer {
         }
     }
 
-    fn other(&mut self, topic: &'static str, leg: Option<usize>, cdr: Vec<u8>) -> Result<(), ReplayError> {
+    fn other(&mut self, topic: &'static str, leg: Option<usize>, cdr: Vec<u8>) -> Result<(), BagError> {
         let Some(run) = &mut self.run else { return Ok(()) };
         let name = leg.map_or_else(|| topic.to_owned(), |leg| format!("{topic}/{}", self.subject.leg_names[leg]));
         let declared = match run.topics.get(&name) {
             Some(declared) => declared.clone(),
             None => {
-                let sensor = bag::Qos::sensor(1);
+                let sensor = recorder::Qos::sensor(1);
                 let declared = match topic {
                     ODOM => run.recorder.topic::<Odometry>(&name, sensor)?,
                     GROUND_FORCE => run.recorder.topic::<WrenchStamped>(&name, sensor)?,
                     IMU => run.recorder.topic::<Imu>(&name, sensor)?,
-                    TF => run.recorder.topic::<TFMessage>(&name, bag::Qos::reliable(100))?,
-                    _ => run.recorder.topic::<DiagnosticArray>(&name, bag::Qos::reliable(10))?,
+                    TF => run.recorder.topic::<TFMessage>(&name, recorder::Qos::reliable(100))?,
+                    _ => run.recorder.topic::<DiagnosticArray>(&name, recorder::Qos::reliable(10))?,
                 };
                 run.topics.insert(name, declared.clone());
                 declared
@@ -563,7 +563,7 @@ impl Writer {
 
 impl Run {
     /// What is not taken is counted by the recorder.
-    fn cycle(&mut self, cycle: &TapedCycle, arrived: Option<&(Gait, PreparedGait)>) -> Result<(), ReplayError> {
+    fn cycle(&mut self, cycle: &TapedCycle, arrived: Option<&(Gait, PreparedGait)>) -> Result<(), BagError> {
         if let Some((gait, _)) = arrived {
             self.recorder.gait(gait)?;
         }

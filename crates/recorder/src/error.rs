@@ -16,7 +16,11 @@ pub enum BagError {
         source: std::io::Error,
     },
     /// The folder of a new recording already holds something.
-    #[error("{}: already exists and is not an empty folder; nothing was written; choose another folder for the recording", path.display())]
+    #[error(
+        "{}: already exists and is not an empty folder; nothing was written; \
+         choose another folder for the recording",
+        path.display()
+    )]
     Exists {
         /// The folder.
         path: PathBuf,
@@ -84,12 +88,14 @@ pub enum BagError {
 }
 
 impl BagError {
-    pub(crate) fn io(path: &Path, action: &'static str) -> impl FnOnce(std::io::Error) -> BagError {
+    /// Makes the error of a file operation that the system refused.
+    pub fn io(path: &Path, action: &'static str) -> impl FnOnce(std::io::Error) -> BagError {
         let path = path.to_owned();
         move |source| BagError::Io { path, action, source }
     }
 
-    pub(crate) fn bad_file(path: &Path, reason: impl Into<String>) -> BagError {
+    /// A file that is not what it should be.
+    pub fn bad_file(path: &Path, reason: impl Into<String>) -> BagError {
         BagError::BadFile { path: path.to_owned(), reason: reason.into() }
     }
 }

@@ -3,9 +3,9 @@
 use std::path::Path;
 use std::time::Duration;
 
-use bag::{Qos, Recorder, RecorderOptions, RecorderStatus, Summary, Topic};
 use control::{Config, InertialState, Input, JOINTS, Mode, Output, Snapshot, Velocity, VelocityCommand, resolution};
 use gait::{Gait, LEGS};
+use recorder::{BagError, Qos, Recorder, RecorderOptions, RecorderStatus, Summary, Topic};
 use tandem_msgs::builtin_interfaces::Time;
 use tandem_msgs::geometry_msgs::{Point, Quaternion, Vector3, WrenchStamped};
 use tandem_msgs::nav_msgs::Odometry;
@@ -13,7 +13,6 @@ use tandem_msgs::sensor_msgs::JointState;
 use tandem_msgs::std_msgs::Header;
 use tandem_msgs::{ControlCycle, ControllerState, JointCommand};
 
-use crate::ReplayError;
 use crate::names::{self, request_word};
 
 /// How often `controller_state` is written while the mode stays.
@@ -28,8 +27,8 @@ pub struct RunInfo<'a> {
     pub robot_description: &'a str,
     /// Names of the legs, in order: they name the ground forces' topics.
     pub leg_names: [&'a str; LEGS],
-    /// Nanoseconds from the recording clock's epoch to the controller clock's zero: 0 in simulation; on a robot, where the
-    /// controller runs on monotonic time, what wall time was at that zero.
+    /// Nanoseconds from the recording clock's epoch to the controller clock's zero: 0 in simulation; on a robot, where
+    /// the controller runs on monotonic time, what wall time was at that zero.
     pub epoch_ns: u64,
 }
 
@@ -82,11 +81,7 @@ impl RunRecorder {
     ///
     /// # Errors
     /// As [`Recorder::start`].
-    pub fn start(
-        folder: impl AsRef<Path>,
-        info: &RunInfo,
-        options: RecorderOptions,
-    ) -> Result<RunRecorder, ReplayError> {
+    pub fn start(folder: impl AsRef<Path>, info: &RunInfo, options: RecorderOptions) -> Result<RunRecorder, BagError> {
         let recorder = Recorder::start(folder, options)?;
         let force =
             |leg: &str| recorder.topic_of::<WrenchStamped>(&format!("/{}/{leg}", names::GROUND_FORCE), Qos::sensor(1));
@@ -113,7 +108,7 @@ impl RunRecorder {
             before: Vec::new(),
             recorder,
         };
-        let config = serde_json::to_string(info.config).map_err(|error| bag::BagError::Cdr {
+        let config = serde_json::to_string(info.config).map_err(|error| BagError::Cdr {
             name: names::CONTROLLER_CONFIG.into(),
             action: "written as",
             reason: error.to_string(),
@@ -132,14 +127,14 @@ impl RunRecorder {
         self.recorder.folder()
     }
 
-    /// Says where the controller was before the first cycle that is recorded. Without it the recording must begin with the
-    /// controller's first cycle. Gives whether it was taken.
+    /// Says where the controller was before the first cycle that is recorded. Without it the recording must begin with
+    /// the controller's first cycle. Gives whether it was taken.
     ///
     /// # Errors
-    /// [`ReplayError::Bag`] if it has no JSON or CDR form, which no snapshot lacks.
-    pub fn snapshot(&mut self, snapshot: &Snapshot) -> Result<bool, ReplayError> {
+    /// [`BagError`] if it has no JSON or CDR form, which no snapshot lacks.
+    pub fn snapshot(&mut self, snapshot: &Snapshot) -> Result<bool, BagError> {
         let topic = self.topic::<tandem_msgs::std_msgs::String>(names::CONTROLLER_SNAPSHOT, Qos::latched())?;
-        let text = serde_json::to_string(snapshot).map_err(|error| bag::BagError::Cdr {
+        let text = serde_json::to_string(snapshot).map_err(|error| BagError::Cdr {
             name: names::CONTROLLER_SNAPSHOT.into(),
             action: "written as",
             reason: error.to_string(),
@@ -151,29 +146,29 @@ impl RunRecorder {
     ///
     /// # Errors
     /// As [`Recorder::topic_of`].
-    pub fn topic<M: tandem_msgs::Message>(&self, name: &str, qos: Qos) -> Result<Topic, ReplayError> {
-        Ok(self.recorder.topic_of::<M>(&format!("/{}", name.trim_start_matches('/')), qos)?)
+    pub fn topic<M: tandem_msgs::Message>(&self, name: &str, qos: Qos) -> Result<Topic, BagError> {
+        self.recorder.topic_of::<M>(&format!("/{}", name.trim_start_matches('/')), qos)
     }
 
-    /// A message from elsewhere, already in CDR. Its place in the bag is after the cycle recorded last; before the first cycle
-    /// it has none and is left out. Gives whether it was taken.
+    /// A message from elsewhere, already in CDR. Its place in the bag is after the cycle recorded last; before the
+    /// first cycle it has none and is left out. Gives whether it was taken.
     pub fn other(&mut self, topic: &Topic, cdr: Vec<u8>) -> bool {
         self.last_stamp_ns.is_none_or(|stamp_ns| self.recorder.push(topic, stamp_ns, cdr))
     }
 
-    fn text(&mut self, topic: &Topic, text: &str) -> Result<bool, ReplayError> {
+    fn text(&mut self, topic: &Topic, text: &str) -> Result<bool, BagError> {
         let Some(stamp_ns) = self.last_stamp_ns else {
             self.before.push((topic.clone(), text.to_owned()));
             return Ok(true);
         };
         let message = tandem_msgs::std_msgs::String { data: text.to_owned() };
-        Ok(self.recorder.push_message(topic, stamp_ns, &message)?)
+        self.recorder.push_message(topic, stamp_ns, &message)
     }
 
-    /// The bag's stamp of something at `time`. It never falls, so that a bag is read in the order in which it was written even
-    /// if the clock went backwards; the message's own stamp tells the truth. At the first time that is told, everything that
-    /// was said before is written.
-    fn stamp_ns(&mut self, time: Duration) -> Result<u64, ReplayError> {
+    /// The bag's stamp of something at `time`. It never falls, so that a bag is read in the order in which it was
+    /// written even if the clock went backwards; the message's own stamp tells the truth. At the first time that is
+    /// told, everything that was said before is written.
+    fn stamp_ns(&mut self, time: Duration) -> Result<u64, BagError> {
         let stamp_ns = self.epoch_ns.saturating_add(time.as_nanos().try_into().unwrap_or(u64::MAX));
         let stamp_ns = self.last_stamp_ns.unwrap_or(0).max(stamp_ns);
         self.last_stamp_ns = Some(stamp_ns);
@@ -184,30 +179,30 @@ impl RunRecorder {
         Ok(stamp_ns)
     }
 
-    /// A gait that is about to be handed to the controller: before the cycle whose input holds it. Gives whether it was taken.
+    /// A gait that is about to be handed to the controller: before the cycle whose input holds it. Gives whether it was
+    /// taken.
     ///
     /// # Errors
-    /// [`ReplayError::Bag`] if it has no CDR form, which no gait lacks.
-    pub fn gait(&mut self, gait: &Gait) -> Result<bool, ReplayError> {
+    /// [`BagError`] if it has no CDR form, which no gait lacks.
+    pub fn gait(&mut self, gait: &Gait) -> Result<bool, BagError> {
         self.gaits += 1;
         self.gait_name.clone_from(&gait.name);
         self.text(&self.gait_file.clone(), &gait.to_json())
     }
 
-    /// One cycle: what [`control::Controller::step`] saw and said. `effort_nm`: the drives' torques with the state, where they
-    /// are measured. Gives whether all of it was taken.
+    /// One cycle: what [`control::Controller::step`] saw and said. `effort_nm`: the drives' torques with the state,
+    /// where they are measured. Gives whether all of it was taken.
     ///
     /// # Errors
-    /// [`ReplayError::Bag`] if it has no CDR form, which no cycle lacks.
+    /// [`BagError`] if it has no CDR form, which no cycle lacks.
     pub fn cycle(
         &mut self,
         now: Duration,
         input: &Input,
         output: &Output,
         effort_nm: Option<&[f64; JOINTS]>,
-    ) -> Result<bool, ReplayError> {
+    ) -> Result<bool, BagError> {
         let stamp_ns = self.stamp_ns(now)?;
-        let header = |time: Duration| Header { stamp: time_message(time), frame_id: String::new() };
         let mut taken = true;
         if let Some(state) = input.joints
             && self.last_state != Some(state.stamp)
@@ -222,19 +217,11 @@ impl RunRecorder {
             };
             taken &= self.recorder.push_message(&self.joint_states, stamp_ns, &message)?;
         }
-        let command = &output.command;
-        let message = JointCommand {
-            header: header(output.answered.unwrap_or_default()),
-            name: self.joint_names.clone(),
-            position: command.position_rad.to_vec(),
-            velocity: command.velocity_rad_s.to_vec(),
-            kp: command.kp.to_vec(),
-            kd: command.kd.to_vec(),
-            torque: command.torque_nm.to_vec(),
-        };
+        let message = self.command_message(output);
         taken &= self.recorder.push_message(&self.joint_command, stamp_ns, &message)?;
         let state = input.joints;
-        // Ages instead of times: they hardly change from cycle to cycle, and what does not change compresses to nothing.
+        // Ages instead of times: they hardly change from cycle to cycle, and what does not change compresses to
+        // nothing.
         let age_ns = |time: Duration| {
             let ns = |time: Duration| i64::try_from(time.as_nanos()).unwrap_or(i64::MAX);
             ns(now).wrapping_sub(ns(time))
@@ -270,30 +257,46 @@ impl RunRecorder {
             .is_none_or(|(time, mode)| mode != output.mode || now.saturating_sub(time) >= STATE_PERIOD);
         if due {
             self.last_written_state = Some((now, output.mode));
-            let fault = output.report.map_or(String::new(), |report| report.fault.name().into());
-            let message = ControllerState {
-                header: header(now),
-                mode: output.mode.name().into(),
-                fault,
-                gait: self.gait_name.clone(),
-                step_index: output.step_index,
-                step_phase: output.step_phase,
-                cycles: output.cycles,
-                stale_inputs: output.stale_inputs,
-                tracking_error_rad: output.tracking_error_rad.to_vec(),
-                commanded_torque_nm: output.torque_nm.map(resolution::torque_nm).to_vec(),
-                ..ControllerState::default()
-            };
+            let message = self.state_message(now, output);
             taken &= self.recorder.push_message(&self.controller_state, stamp_ns, &message)?;
         }
         Ok(taken)
     }
 
+    fn command_message(&self, output: &Output) -> JointCommand {
+        let command = &output.command;
+        JointCommand {
+            header: header(output.answered.unwrap_or_default()),
+            name: self.joint_names.clone(),
+            position: command.position_rad.to_vec(),
+            velocity: command.velocity_rad_s.to_vec(),
+            kp: command.kp.to_vec(),
+            kd: command.kd.to_vec(),
+            torque: command.torque_nm.to_vec(),
+        }
+    }
+
+    fn state_message(&self, now: Duration, output: &Output) -> ControllerState {
+        ControllerState {
+            header: header(now),
+            mode: output.mode.name().into(),
+            fault: output.report.map_or(String::new(), |report| report.fault.name().into()),
+            gait: self.gait_name.clone(),
+            step_index: output.step_index,
+            step_phase: output.step_phase,
+            cycles: output.cycles,
+            stale_inputs: output.stale_inputs,
+            tracking_error_rad: output.tracking_error_rad.to_vec(),
+            commanded_torque_nm: output.torque_nm.map(resolution::torque_nm).to_vec(),
+            ..ControllerState::default()
+        }
+    }
+
     /// The base and the ground forces, as often as they are known. Gives whether all of it was taken.
     ///
     /// # Errors
-    /// [`ReplayError::Bag`] if it has no CDR form, which no sample lacks.
-    pub fn body(&mut self, sample: &BodySample) -> Result<bool, ReplayError> {
+    /// [`BagError`] if it has no CDR form, which no sample lacks.
+    pub fn body(&mut self, sample: &BodySample) -> Result<bool, BagError> {
         let stamp_ns = self.stamp_ns(sample.time)?;
         let header = || Header { stamp: time_message(sample.time), frame_id: "odom".into() };
         let vector = |value: [f64; 3], resolution: fn(f64) -> f64| {
@@ -325,17 +328,21 @@ impl RunRecorder {
     ///
     /// # Errors
     /// As [`Recorder::finish`].
-    pub fn finish(mut self) -> Result<Summary, ReplayError> {
+    pub fn finish(mut self) -> Result<Summary, BagError> {
         if self.last_stamp_ns.is_none() {
             self.stamp_ns(Duration::ZERO)?; // no cycle came; the configuration is in the bag all the same
         }
-        Ok(self.recorder.finish()?)
+        self.recorder.finish()
     }
 }
 
 /// None where there is no error.
 fn drive_errors(state: &control::JointState) -> Vec<u8> {
     if state.drive_error == [0; JOINTS] { Vec::new() } else { state.drive_error.to_vec() }
+}
+
+fn header(time: Duration) -> Header {
+    Header { stamp: time_message(time), frame_id: String::new() }
 }
 
 /// Lossless up to 68 years.

@@ -3,7 +3,7 @@
 /// One recorded message.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Message {
-    /// Index of its topic in [`Bag::topics`](crate::Bag::topics).
+    /// Index of its topic in its bag, in the order in which a reader lists them.
     pub topic: usize,
     /// When it was recorded, ns since the epoch of the recording's clock.
     pub stamp_ns: u64,

@@ -1,20 +1,30 @@
-//! The topics of a run, and the words for requests.
+//! The topics of a run, without their namespace, and the words for requests.
 
 use control::{Fault, Request};
 
-pub(crate) const JOINT_STATES: &str = "joint_states";
-pub(crate) const JOINT_COMMAND: &str = "joint_command";
-pub(crate) const CONTROL_CYCLE: &str = "control_cycle";
-pub(crate) const CONTROLLER_STATE: &str = "controller_state";
-pub(crate) const GAIT_FILE: &str = "gait_file";
-pub(crate) const CONTROLLER_CONFIG: &str = "controller_config";
-pub(crate) const CONTROLLER_SNAPSHOT: &str = "controller_snapshot";
-pub(crate) const ROBOT_DESCRIPTION: &str = "robot_description";
-pub(crate) const ODOM: &str = "odom";
-pub(crate) const GROUND_FORCE: &str = "ground_force";
+/// What the joints measured.
+pub const JOINT_STATES: &str = "joint_states";
+/// What was asked of the joints.
+pub const JOINT_COMMAND: &str = "joint_command";
+/// What a step saw besides.
+pub const CONTROL_CYCLE: &str = "control_cycle";
+/// Mode, fault, gait and place in it.
+pub const CONTROLLER_STATE: &str = "controller_state";
+/// A gait as its file says it.
+pub const GAIT_FILE: &str = "gait_file";
+/// The controller's configuration.
+pub const CONTROLLER_CONFIG: &str = "controller_config";
+/// The controller's memory, where a recording begins later than it.
+pub const CONTROLLER_SNAPSHOT: &str = "controller_snapshot";
+/// The URDF.
+pub const ROBOT_DESCRIPTION: &str = "robot_description";
+/// Where the base is.
+pub const ODOM: &str = "odom";
+/// Forces on the toes, each below with its leg's name.
+pub const GROUND_FORCE: &str = "ground_force";
 
 /// The topic's own name, without the namespace that it was recorded under.
-pub(crate) fn is(topic: &str, name: &str) -> bool {
+pub fn is(topic: &str, name: &str) -> bool {
     topic == name || topic.strip_suffix(name).is_some_and(|front| front.ends_with('/'))
 }
 
@@ -30,14 +40,16 @@ const PLAIN: [(&str, Request); 7] = [
 
 const CLEAR_FAULT: &str = "clear_fault";
 
-pub(crate) fn request_word(request: &Request) -> String {
+/// What a request is called in a recorded cycle.
+pub fn request_word(request: &Request) -> String {
     match request {
         Request::ClearFault(fault) => format!("{CLEAR_FAULT} {}", fault.name()),
         other => PLAIN.iter().find(|(_, plain)| plain == other).map_or(String::new(), |(word, _)| (*word).into()),
     }
 }
 
-pub(crate) fn request_of(word: &str) -> Option<Request> {
+/// The request of a word; none if there is none of that name.
+pub fn request_of(word: &str) -> Option<Request> {
     if let Some(fault) = word.strip_prefix(CLEAR_FAULT) {
         return Fault::from_name(fault.trim_start()).map(Request::ClearFault);
     }

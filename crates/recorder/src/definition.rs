@@ -101,9 +101,10 @@ fn uses(name: &str, body: &str) -> Result<Vec<String>, BagError> {
         .collect())
 }
 
-/// One element of a field.
+/// A field's element that has no parts.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) enum Primitive {
+#[expect(missing_docs, reason = "each is what it is called")]
+pub enum Primitive {
     Bool,
     U8,
     I8,
@@ -142,7 +143,7 @@ impl Primitive {
     }
 
     /// Size and alignment in bytes of the fixed-size ones.
-    pub(crate) fn size(self) -> usize {
+    pub fn size(self) -> usize {
         match self {
             Primitive::Bool | Primitive::U8 | Primitive::I8 => 1,
             Primitive::U16 | Primitive::I16 => 2,
@@ -153,26 +154,35 @@ impl Primitive {
     }
 }
 
+/// What a field holds one or several of.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub(crate) enum Element {
+pub enum Element {
+    /// A number, a truth value or a text.
     Primitive(Primitive),
     /// `package/Type`.
     Message(String),
 }
 
+/// How many elements a field holds.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) enum Count {
+pub enum Count {
+    /// One.
     One,
+    /// An array of this length.
     Fixed(usize),
     /// A sequence, bounded or not: its length is in the data.
     Sequence,
 }
 
+/// A field of a message.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub(crate) struct Field {
-    pub(crate) name: String,
-    pub(crate) element: Element,
-    pub(crate) count: Count,
+pub struct Field {
+    /// Its name.
+    pub name: String,
+    /// What it holds.
+    pub element: Element,
+    /// How many of it.
+    pub count: Count,
 }
 
 /// The fields of one `.msg` text, in order; constants and comments are left out.
@@ -279,11 +289,12 @@ impl Definition {
     }
 
     /// `package/Type` of the message itself.
-    pub(crate) fn root(&self) -> &str {
+    pub fn root(&self) -> &str {
         &self.root
     }
 
-    pub(crate) fn fields(&self, name: &str) -> &[Field] {
+    /// The fields of the message itself or of one that it uses, by `package/Type`.
+    pub fn fields(&self, name: &str) -> &[Field] {
         &self.types[name]
     }
 }

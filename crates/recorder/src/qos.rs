@@ -50,7 +50,7 @@ impl Qos {
     }
 
     /// The YAML text that rosbag2 keeps with an MCAP channel.
-    pub(crate) fn to_yaml(self) -> String {
+    pub fn to_yaml(self) -> String {
         serde_yaml_ng::to_string(&[QosYaml::from(self)]).expect("a plain structure is always YAML")
     }
 }
@@ -90,19 +90,6 @@ impl From<Qos> for QosYaml {
             liveliness: "automatic",
             liveliness_lease_duration: UNLIMITED,
             avoid_ros_namespace_conventions: false,
-        }
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-    use crate::Offer;
-
-    #[test]
-    fn what_is_written_is_read_back() {
-        for qos in [Qos::sensor(1), Qos::reliable(10), Qos::latched()] {
-            assert_eq!(Offer::for_all(&Offer::list_from_yaml(&qos.to_yaml())).map(Qos::from), Some(qos));
         }
     }
 }

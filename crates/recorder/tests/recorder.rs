@@ -3,7 +3,7 @@
 use std::fs;
 use std::time::{Duration, Instant};
 
-use bag::{BagError, Qos, Recorder, RecorderOptions, RecorderStatus, WhenFull};
+use recorder::{BagError, Qos, Recorder, RecorderOptions, RecorderStatus, WhenFull};
 
 fn wait_for(recorder: &Recorder, mut done: impl FnMut(&RecorderStatus) -> bool) -> RecorderStatus {
     let end = Instant::now() + Duration::from_secs(20);
@@ -168,7 +168,8 @@ fn a_topic_keeps_its_type() {
     assert!(matches!(error, BagError::TopicConflict { .. }), "{error}");
 }
 
-/// A full disk, by the kernel's own limit on a file's size, in a child process because the limit is the whole process's.
+/// A full disk, by the kernel's own limit on a file's size, in a child process because the limit is the whole
+/// process's.
 #[test]
 fn a_full_disk_is_a_fault_and_pushing_goes_on() {
     const CHILD: &str = "BAG_TEST_FULL_DISK";

@@ -10,7 +10,7 @@ use crate::BagError;
 use crate::qos::{Qos, QosYaml};
 
 /// The name of the file in a bag's folder.
-pub(crate) const FILE_NAME: &str = "metadata.yaml";
+pub const FILE_NAME: &str = "metadata.yaml";
 
 /// One topic, its type and how many of its messages are in the bag.
 #[derive(Clone, Debug)]
@@ -42,12 +42,13 @@ impl TopicCount {
 
 /// One MCAP file of a bag.
 #[derive(Clone, Debug)]
-pub(crate) struct FilePart {
+pub struct FilePart {
     /// Name inside the bag's folder.
-    pub(crate) name: String,
-    pub(crate) messages: u64,
+    pub name: String,
+    /// How many messages.
+    pub messages: u64,
     /// First and last stamp, if there is any message.
-    pub(crate) span_ns: Option<(u64, u64)>,
+    pub span_ns: Option<(u64, u64)>,
 }
 
 #[derive(Serialize)]
