@@ -23,7 +23,7 @@
 
 mod continuity;
 pub mod names;
-mod recorder;
+mod run;
 
 pub use continuity::Continuity;
-pub use recorder::{BodySample, RunInfo, RunRecorder};
+pub use run::{BodySample, RunInfo, RunRecorder};
