@@ -21,7 +21,7 @@ def table(node):
     """{parameter: (type, default, range, set)} as docs/interfaces.md says; test_interfaces.py holds that against the nodes."""
     text = (ROOT / "docs/interfaces.md").read_text().split(f"<!-- parameters: {node} -->\n", 1)[1].split("<!-- end -->", 1)[0]
     rows = [[cell.strip() for cell in line.strip().strip("|").split("|")] for line in text.splitlines()[2:]]
-    return {row[0].strip("`"): row[1:5] for row in rows}
+    return {row[0].strip("`"): [*row[1:4], row[5]] for row in rows}
 
 
 def another(name, type_, default, span):

@@ -105,15 +105,16 @@ def parameter_table(client, node):
     values = result(parameters.get_parameters(names)).values
     descriptors = result(parameters.describe_parameters(names)).descriptors
     types = {v: k.removeprefix("PARAMETER_").lower() for k, v in vars(ParameterType).items() if k.startswith("PARAMETER_")}
-    lines = ["| parameter | type | default | range | set | |", "|---|---|---|---|---|---|"]
+    lines = ["| parameter | type | default | range | unit | set | |", "|---|---|---|---|---|---|---|"]
     for name, value, descriptor in zip(names, values, descriptors, strict=True):
         ranges = [*descriptor.floating_point_range, *descriptor.integer_range]
         span = f"{ranges[0].from_value:g} to {ranges[0].to_value:g}" if ranges else descriptor.additional_constraints
         when = "at start" if descriptor.read_only else "any time"
         assert descriptor.description, f"{node}: {name} has no description"
-        lines.append(
-            f"| `{name}` | {types[descriptor.type]} | {parameter_value_to_python(value)} | {span} | {when} | {descriptor.description} |"
-        )
+        # Descriptors have no field for the unit: crates/ros puts it behind the text.
+        text, _, unit = descriptor.description.partition(" Unit: ")
+        cells = [f"`{name}`", types[descriptor.type], parameter_value_to_python(value), span, unit.removesuffix("."), when, text]
+        lines.append(f"| {' | '.join(map(str, cells))} |")
     return "\n".join(lines) + "\n"
 
 

@@ -1,5 +1,6 @@
 //! What the balanced law has to know of the robot, and its constants.
 
+use crate::setting;
 use estimator::Estimator;
 use robot::{LegKinematics, Robot, RobotError};
 
@@ -52,12 +53,6 @@ pub struct BalanceConfig {
     pub velocity_limit: VelocityLimit,
 }
 
-/// Values of [`BalanceConfig::for_robot`] that a user may want to change, whatever the robot.
-pub mod default {
-    /// [`super::BalanceConfig::command_timeout_s`].
-    pub const COMMAND_TIMEOUT_S: f64 = 0.5;
-}
-
 /// Largest commanded velocities.
 #[derive(Clone, Copy, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
 #[serde(deny_unknown_fields)]
@@ -99,7 +94,7 @@ impl BalanceConfig {
             speed_integral_rate_s: 0.1,
             heading_gain_s: 1.0,
             position_gain_s: 0.5,
-            command_timeout_s: default::COMMAND_TIMEOUT_S,
+            command_timeout_s: setting::CMD_VEL_TIMEOUT_S.default,
             estimate_patience_s: 0.05,
             limited_patience_s: 0.5,
             velocity_limit: VelocityLimit {
@@ -134,7 +129,12 @@ impl BalanceConfig {
             ("balance.speed_integral_rate_s", self.speed_integral_rate_s, 0.0, 10.0),
             ("balance.heading_gain_s", self.heading_gain_s, 0.0, 10.0),
             ("balance.position_gain_s", self.position_gain_s, 0.0, 10.0),
-            ("balance.command_timeout_s", self.command_timeout_s, 0.01, 10.0),
+            (
+                "balance.command_timeout_s",
+                self.command_timeout_s,
+                setting::CMD_VEL_TIMEOUT_S.least,
+                setting::CMD_VEL_TIMEOUT_S.greatest,
+            ),
             ("balance.estimate_patience_s", self.estimate_patience_s, 0.0, 0.5),
             ("balance.limited_patience_s", self.limited_patience_s, 0.0, 10.0),
             ("balance.velocity_limit.forward_m_s", limit.forward_m_s, 0.0, 10.0),

@@ -1,7 +1,7 @@
 //! What the controller has to know of the robot, and its thresholds: plain data, checked once.
 
-use crate::STILL_RAD;
 use crate::balance_config::BalanceConfig;
+use crate::{STILL_RAD, setting};
 use joints::{CommandRange, JOINTS};
 use nalgebra::{Matrix3, Matrix3x4, Vector3};
 use rigid_body::{Data, center_of_mass, frame_position, rnea};
@@ -127,21 +127,6 @@ pub struct ConfigError {
     pub problem: String,
 }
 
-/// Values of [`Config::for_robot`] that a user may want to change, whatever the robot.
-pub mod default {
-    /// [`super::Config::start_blend_s`]: a robot that has just ambled still swings when it starts anew. After 0.6 s gait3 fell over the
-    /// amble's stance in simulation, after 1.0 s it did not.
-    pub const START_BLEND_S: f64 = 1.2;
-    /// [`super::Config::stop_blend_s`].
-    pub const STOP_BLEND_S: f64 = 0.4;
-    /// [`super::Config::posture_speed_rad_s`].
-    pub const POSTURE_SPEED_RAD_S: f64 = 0.8;
-    /// [`super::Config::tracking_error_rad`].
-    pub const TRACKING_ERROR_RAD: f64 = 0.35;
-    /// [`super::Config::tilt_limit_rad`].
-    pub const TILT_LIMIT_RAD: f64 = 0.8;
-}
-
 impl Config {
     /// The largest numbers of its commands: what a bus must be able to carry.
     pub fn command_range(&self) -> CommandRange {
@@ -179,23 +164,23 @@ impl Config {
             damping_kd: [8.0; JOINTS],
             damping_torque_nm: 40.0,
             gain_ramp_s: 0.25,
-            posture_speed_rad_s: default::POSTURE_SPEED_RAD_S,
+            posture_speed_rad_s: setting::POSTURE_SPEED_RAD_S.default,
             posture_min_s: 0.5,
-            start_blend_s: default::START_BLEND_S,
+            start_blend_s: setting::START_BLEND_S.default,
             start_share: 0.3,
             start_growth_s: 2.0,
-            stop_blend_s: default::STOP_BLEND_S,
+            stop_blend_s: setting::STOP_BLEND_S.default,
             gait_change_position_rad: 0.08,
             gait_change_velocity_rad_s: 1.5,
             control_period_s: 0.001,
-            state_timeout_s: 0.02,
-            overrun_s: 0.05,
-            tracking_error_rad: default::TRACKING_ERROR_RAD,
+            state_timeout_s: setting::STATE_TIMEOUT_S.default,
+            overrun_s: setting::OVERRUN_S.default,
+            tracking_error_rad: setting::TRACKING_ERROR_RAD.default,
             tracking_error_s: 0.04,
             stuck_rad: 0.2,
             overspeed_s: 0.03,
             position_fault_rad: 0.3,
-            tilt_limit_rad: default::TILT_LIMIT_RAD,
+            tilt_limit_rad: setting::TILT_LIMIT_RAD.default,
             hot_c: 80.0,
             over_temperature_c: 95.0,
             rest_velocity_rad_s: 1.0,
@@ -205,29 +190,32 @@ impl Config {
 
     /// Checks every value.
     pub fn validate(&self) -> Result<(), ConfigError> {
-        let refuse = |key: &str, problem: String| Err(ConfigError { key: key.into(), problem });
+        for (setting, value) in [
+            (setting::POSTURE_SPEED_RAD_S, self.posture_speed_rad_s),
+            (setting::START_BLEND_S, self.start_blend_s),
+            (setting::STOP_BLEND_S, self.stop_blend_s),
+            (setting::STATE_TIMEOUT_S, self.state_timeout_s),
+            (setting::OVERRUN_S, self.overrun_s),
+            (setting::TRACKING_ERROR_RAD, self.tracking_error_rad),
+            (setting::TILT_LIMIT_RAD, self.tilt_limit_rad),
+        ] {
+            setting.check(value).or_else(|wrong| refuse(setting.name, wrong.to_string()))?;
+        }
         for (key, value, low, high) in [
             ("soft_stop_rad", self.soft_stop_rad, 1e-6, 0.5),
             ("torque_rate_nm_s", self.torque_rate_nm_s, 1.0, 1e9),
             ("damping_torque_nm", self.damping_torque_nm, 0.1, 1e4),
             ("gain_ramp_s", self.gain_ramp_s, 0.01, 10.0),
-            ("posture_speed_rad_s", self.posture_speed_rad_s, 0.01, 10.0),
             ("posture_min_s", self.posture_min_s, 0.1, 60.0),
-            ("start_blend_s", self.start_blend_s, 0.05, 60.0),
             ("start_share", self.start_share, 0.0, 1.0),
             ("start_growth_s", self.start_growth_s, 0.05, 60.0),
-            ("stop_blend_s", self.stop_blend_s, 0.05, 60.0),
             ("gait_change_position_rad", self.gait_change_position_rad, 0.0, 0.2),
             ("gait_change_velocity_rad_s", self.gait_change_velocity_rad_s, 0.0, 5.0),
-            ("state_timeout_s", self.state_timeout_s, 0.001, 1.0),
             ("control_period_s", self.control_period_s, 1e-4, 0.1),
-            ("overrun_s", self.overrun_s, self.control_period_s, 1.0),
-            ("tracking_error_rad", self.tracking_error_rad, 0.01, 2.0),
             ("tracking_error_s", self.tracking_error_s, 0.001, 1.0),
             ("stuck_rad", self.stuck_rad, 2.0 * STILL_RAD, 2.0),
             ("overspeed_s", self.overspeed_s, 0.001, 1.0),
             ("position_fault_rad", self.position_fault_rad, 0.01, 1.0),
-            ("tilt_limit_rad", self.tilt_limit_rad, 0.05, 1.5),
             ("hot_c", self.hot_c, 20.0, 200.0),
             ("over_temperature_c", self.over_temperature_c, self.hot_c, 200.0),
             ("rest_velocity_rad_s", self.rest_velocity_rad_s, 0.01, 10.0),
@@ -237,43 +225,52 @@ impl Config {
                 return refuse(key, format!("is {value}, expected {low} to {high}"));
             }
         }
+        if self.overrun_s < self.control_period_s {
+            let problem =
+                format!("is {} s, expected at least a control period of {} s", self.overrun_s, self.control_period_s);
+            return refuse("overrun_s", problem);
+        }
         self.balance.as_ref().and_then(BalanceConfig::problem).map_or(Ok(()), |(key, why)| refuse(key, why))?;
-        for j in 0..JOINTS {
-            let name = &self.joint_names[j];
-            let (low, high) = (self.position_min_rad[j], self.position_max_rad[j]);
-            if !(low.is_finite() && high.is_finite() && high - low > 2.0 * self.soft_stop_rad) {
-                return refuse(
-                    "position limits",
-                    format!("of {name} are {low} to {high} rad, expected a range wider than both soft stops"),
-                );
+        (0..JOINTS).try_for_each(|j| self.validate_joint(j))
+    }
+
+    fn validate_joint(&self, j: usize) -> Result<(), ConfigError> {
+        let name = &self.joint_names[j];
+        let (low, high) = (self.position_min_rad[j], self.position_max_rad[j]);
+        if !(low.is_finite() && high.is_finite() && high - low > 2.0 * self.soft_stop_rad) {
+            return refuse(
+                "position limits",
+                format!("of {name} are {low} to {high} rad, expected a range wider than both soft stops"),
+            );
+        }
+        for (key, value, limit) in [
+            ("velocity_limit_rad_s", self.velocity_limit_rad_s[j], 1e3),
+            ("torque_limit_nm", self.torque_limit_nm[j], 1e4),
+            ("posture_kp", self.posture_kp[j], 1e5),
+            ("posture_kd", self.posture_kd[j], 1e4),
+            ("damping_kd", self.damping_kd[j], 1e4),
+        ] {
+            if !(value > 0.0 && value <= limit) {
+                return refuse(key, format!("of {name} is {value}, expected more than 0, at most {limit}"));
             }
-            for (key, value, limit) in [
-                ("velocity_limit_rad_s", self.velocity_limit_rad_s[j], 1e3),
-                ("torque_limit_nm", self.torque_limit_nm[j], 1e4),
-                ("posture_kp", self.posture_kp[j], 1e5),
-                ("posture_kd", self.posture_kd[j], 1e4),
-                ("damping_kd", self.damping_kd[j], 1e4),
-            ] {
-                if !(value > 0.0 && value <= limit) {
-                    return refuse(key, format!("of {name} is {value}, expected more than 0, at most {limit}"));
-                }
+        }
+        for (key, posture) in [("stand", &self.stand), ("sit", &self.sit)] {
+            let q = posture.position_rad[j];
+            if !(low..=high).contains(&q) {
+                return refuse(key, format!("puts {name} at {q} rad, its limits are {low} to {high}"));
             }
-            for (key, posture) in [("stand", &self.stand), ("sit", &self.sit)] {
-                let q = posture.position_rad[j];
-                if !(low..=high).contains(&q) {
-                    return refuse(key, format!("puts {name} at {q} rad, its limits are {low} to {high}"));
-                }
-                let torque = posture.support_torque_nm[j];
-                if torque.is_nan() || torque.abs() > self.torque_limit_nm[j] {
-                    return refuse(
-                        key,
-                        format!("needs {torque} N m at {name}, its limit is {}", self.torque_limit_nm[j]),
-                    );
-                }
+            let torque = posture.support_torque_nm[j];
+            if torque.is_nan() || torque.abs() > self.torque_limit_nm[j] {
+                return refuse(key, format!("needs {torque} N m at {name}, its limit is {}", self.torque_limit_nm[j]));
             }
         }
         Ok(())
     }
+}
+
+/// The error for a value that cannot be.
+fn refuse(key: &str, problem: String) -> Result<(), ConfigError> {
+    Err(ConfigError { key: key.into(), problem })
 }
 
 /// Joint torques that hold the robot still in a posture, level, on four feet that carry it by vertical forces: of all

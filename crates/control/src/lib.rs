@@ -37,13 +37,14 @@ mod memory;
 mod motion;
 mod prepared_gait;
 mod ramp;
+pub mod setting;
 mod transition;
 mod watch;
 
 /// A joint that has moved by less than this has stood still, rad.
 const STILL_RAD: f64 = 0.02;
 
-pub use config::{Config, ConfigError, DriveMode, Posture, default};
+pub use config::{Config, ConfigError, DriveMode, Posture};
 pub use controller::Controller;
 pub use inertial::{InertialState, Tilt, is_unit_length};
 pub use interface::{DampingReason, Input, MAX_REQUESTS, Output, Request};

@@ -56,7 +56,7 @@ fn a_hundred_thousand_random_events_break_nothing() {
     while events < 100_000 {
         seed += 1;
         let mut random = Random((seed * 0x9e37_79b9_7f4a_7c15) | 1);
-        let mut b = Bench::new(Config { posture_speed_rad_s: 5.0, ..c.clone() });
+        let mut b = Bench::new(Config { posture_speed_rad_s: 3.0, ..c.clone() });
         // Half of the robots are left alone most of the time, so that they get far.
         let calm = random.one_in(2);
         let mut last: Option<Output> = None;

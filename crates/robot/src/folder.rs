@@ -13,6 +13,13 @@ pub struct NotFound {
     program: PathBuf,
 }
 
+/// The robot's folder where none is given.
+pub const DEFAULT_FOLDER: &str = "config/robots/vision60";
+
+/// What a parameter that takes a robot's folder says of itself.
+pub const FOLDER_TEXT: &str =
+    "Folder of the robot's description; looked for from the working folder, then above the program.";
+
 /// A folder or file given relative to the working folder or, where it is not there, to a folder above the program or to
 /// `share/tandem` in one: a clone's program finds the clone's `config` from anywhere, an installed one the installed
 /// `config`.

@@ -24,7 +24,7 @@ use std::path::{Path, PathBuf};
 use rigid_body::{Data, Description, FrameId, Model, forward_kinematics, frame_position};
 
 pub use error::RobotError;
-pub use folder::{NotFound, find};
+pub use folder::{DEFAULT_FOLDER, FOLDER_TEXT, NotFound, find};
 pub use leg_kinematics::{LegKinematics, LegSolution, ToeKinematics};
 pub use propose::{Proposal, propose};
 

@@ -62,6 +62,7 @@ mod publisher;
 mod qos;
 mod security;
 mod service;
+pub mod table;
 mod time;
 mod watchdog;
 

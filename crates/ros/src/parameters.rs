@@ -10,8 +10,14 @@ use serde_yaml_ng::Value as Yaml;
 use tandem_msgs::rcl_interfaces as wire;
 use tandem_msgs::text::{NAME_CHARS, SENTENCE_CHARS, printable};
 
+use settings::Quantity;
+
 use crate::RosError;
 use crate::arguments::Override;
+
+mod file;
+
+pub(crate) use file::overrides_from_yaml;
 
 /// How long after its start a node's parameters are taken to be declared, if it does not say when.
 const DECLARING: Duration = Duration::from_secs(1);
@@ -604,12 +610,20 @@ impl<T: ParameterType> ParameterBuilder<T> {
 }
 
 impl<T: Ranged> ParameterBuilder<T> {
-    /// Least and greatest value. NaN is in no range.
-    pub fn range(mut self, from: T, to: T) -> Self {
+    /// Least and greatest value of a plain number. NaN is in no range.
+    pub fn range(self, from: T, to: T) -> Self {
+        self.range_in(from, to, "")
+    }
+
+    /// Least and greatest value, and their unit. NaN is in no range.
+    pub fn range_in(mut self, from: T, to: T, unit: &'static str) -> Self {
         T::describe(&from, &to, &mut self.entry.descriptor);
         self.entry.checks.push(Box::new(move |value| match T::from_value(value) {
             Some(value) if value >= from && value <= to => Ok(()),
-            Some(value) => Err(format!("expected a value from {from} to {to}, got {value}")),
+            Some(value) => {
+                let (to, value) = (Quantity(&to, unit), Quantity(value, unit));
+                Err(format!("expected a value from {from} to {to}, got {value}"))
+            }
             None => Ok(()), // the type is checked before
         }));
         self
@@ -630,71 +644,6 @@ fn matches(pattern: &str, node: &str) -> bool {
     let split = |name: &'_ str| name.split('/').filter(|part| !part.is_empty()).map(str::to_string).collect::<Vec<_>>();
     let (pattern, node) = (split(pattern), split(node));
     parts(&pattern.iter().map(String::as_str).collect::<Vec<_>>(), &node.iter().map(String::as_str).collect::<Vec<_>>())
-}
-
-const PARAMETERS_KEY: &str = "ros__parameters";
-
-/// The values of a parameter file: node names (nested by namespace if one likes), `ros__parameters`, values nested by dots.
-pub(crate) fn overrides_from_yaml(text: &str) -> Result<Vec<Override>, String> {
-    let document: Yaml = serde_yaml_ng::from_str(text).map_err(|error| format!("not YAML: {error}"))?;
-    let Yaml::Mapping(nodes) = document else {
-        return Err(format!("expected 'NODE: {{{PARAMETERS_KEY}: {{NAME: VALUE}}}}'"));
-    };
-    let mut overrides = Vec::new();
-    nodes_of(&nodes, "", &mut overrides)?;
-    Ok(overrides)
-}
-
-fn key(yaml: &Yaml) -> Result<String, String> {
-    match yaml {
-        Yaml::String(text) => Ok(text.clone()),
-        Yaml::Bool(value) => Ok(value.to_string()),
-        Yaml::Number(value) => Ok(value.to_string()),
-        _ => Err("a key must be a name".to_string()),
-    }
-}
-
-fn nodes_of(nodes: &serde_yaml_ng::Mapping, namespace: &str, overrides: &mut Vec<Override>) -> Result<(), String> {
-    for (name, content) in nodes {
-        let name = key(name)?;
-        if name == PARAMETERS_KEY {
-            let Yaml::Mapping(values) = content else {
-                return Err(format!("{namespace}: {PARAMETERS_KEY} must hold 'NAME: VALUE'"));
-            };
-            if namespace.is_empty() {
-                return Err(format!("{PARAMETERS_KEY} must stand below a node's name"));
-            }
-            values_of(values, "", namespace, overrides)?;
-        } else {
-            let full = format!("{namespace}/{}", name.trim_matches('/'));
-            let Yaml::Mapping(inner) = content else {
-                return Err(format!("{full}: expected '{PARAMETERS_KEY}:' below it"));
-            };
-            nodes_of(inner, &full, overrides)?;
-        }
-    }
-    Ok(())
-}
-
-fn values_of(
-    values: &serde_yaml_ng::Mapping,
-    prefix: &str,
-    node: &str,
-    overrides: &mut Vec<Override>,
-) -> Result<(), String> {
-    for (name, value) in values {
-        let name = format!("{prefix}{}", key(name)?);
-        if let Yaml::Mapping(inner) = value {
-            values_of(inner, &format!("{name}."), node, overrides)?;
-        } else {
-            overrides.push(Override {
-                node: node.to_string(),
-                value: ParameterValue::from_yaml(value).map_err(|reason| format!("{node}: {name}: {reason}"))?,
-                name,
-            });
-        }
-    }
-    Ok(())
 }
 
 #[cfg(test)]

@@ -20,6 +20,7 @@ mod options;
 mod picture;
 pub mod pictures;
 mod random;
+pub mod setting;
 mod simulator;
 mod state;
 mod terrain;

@@ -1,6 +1,6 @@
 //! What a simulator is made with, and why it cannot be.
 
-use crate::{MUJOCO_VERSION, Terrain, Variation};
+use crate::{MUJOCO_VERSION, Terrain, Variation, setting};
 
 /// Why the simulator cannot be built or started.
 #[derive(Debug, thiserror::Error)]
@@ -49,12 +49,12 @@ pub struct SimulatorOptions {
 impl Default for SimulatorOptions {
     fn default() -> Self {
         Self {
-            timestep_s: 5e-4,
-            friction: 0.8,
+            timestep_s: setting::TIMESTEP_S.default,
+            friction: setting::FRICTION.default,
             terrain: Terrain::Flat,
             seed: 0,
-            joint_noise_rad: 0.0,
-            command_timeout_s: 0.1,
+            joint_noise_rad: setting::JOINT_NOISE_RAD.default,
+            command_timeout_s: setting::COMMAND_TIMEOUT_S.default,
             variation: Variation::default(),
             fine_pictures: false,
         }
@@ -63,11 +63,15 @@ impl Default for SimulatorOptions {
 
 impl SimulatorOptions {
     pub(crate) fn check(&self) -> Result<(), SimulatorError> {
+        for (setting, value) in [
+            (setting::TIMESTEP_S, self.timestep_s),
+            (setting::FRICTION, self.friction),
+            (setting::JOINT_NOISE_RAD, self.joint_noise_rad),
+            (setting::COMMAND_TIMEOUT_S, self.command_timeout_s),
+        ] {
+            setting.check(value).map_err(|wrong| SimulatorError::Option(format!("{} {wrong}", setting.name)))?;
+        }
         let limits = [
-            ("timestep_s", self.timestep_s, 1e-5, 2e-3),
-            ("friction", self.friction, 0.01, 5.0),
-            ("joint_noise_rad", self.joint_noise_rad, 0.0, 0.3),
-            ("command_timeout_s", self.command_timeout_s, 1e-3, 10.0),
             ("variation.payload_kg", self.variation.payload_kg, 0.0, 1e3),
             ("variation.mass_scale", self.variation.mass_scale, 0.1, 10.0),
             ("variation.stiffness_scale", self.variation.stiffness_scale, 0.1, 10.0),

@@ -1,6 +1,7 @@
 //! What the robot walks on.
 
-use crate::Random;
+use crate::{Random, setting};
+use settings::Setting;
 
 /// Shape of the ground. Slopes turn gravity instead of the floor, so the world's x-y plane is always the ground plane and a
 /// gait's initial state means the same everywhere.
@@ -67,20 +68,22 @@ const BUMP_CELL_M: f64 = 0.2;
 impl Terrain {
     /// The first thing wrong with the terrain's numbers, for the user.
     pub fn problem(&self) -> Option<String> {
+        let wrong = |setting: Setting, value: f64| {
+            setting.check(value).err().map(|wrong| format!("terrain {} {wrong}", setting.name))
+        };
         let outside = |name: &str, value: f64, low: f64, high: f64, unit: &str| {
             (!(low..=high).contains(&value))
                 .then(|| format!("terrain {name} is {value} {unit}, expected {low} to {high} {unit}"))
         };
         match *self {
             Self::Flat => None,
-            Self::Slope { uphill_rad, sideways_rad } => {
-                outside("uphill slope", uphill_rad.to_degrees(), -45.0, 45.0, "degrees")
-                    .or_else(|| outside("sideways slope", sideways_rad.to_degrees(), -45.0, 45.0, "degrees"))
+            Self::Slope { uphill_rad, sideways_rad } => wrong(setting::SLOPE_UPHILL_DEG, uphill_rad.to_degrees())
+                .or_else(|| wrong(setting::SLOPE_SIDEWAYS_DEG, sideways_rad.to_degrees())),
+            Self::Rough { height_m, cell_m } => {
+                wrong(setting::BUMP_HEIGHT_M, height_m).or_else(|| wrong(setting::BUMP_CELL_M, cell_m))
             }
-            Self::Rough { height_m, cell_m } => outside("bump height", height_m, 0.001, 0.3, "m")
-                .or_else(|| outside("bump cell", cell_m, 0.02, 2.0, "m")),
             Self::Steps { rise_m, run_m } => {
-                outside("stair rise", rise_m, 0.005, 0.3, "m").or_else(|| outside("stair depth", run_m, 0.1, 2.0, "m"))
+                wrong(setting::STAIR_RISE_M, rise_m).or_else(|| wrong(setting::STAIR_RUN_M, run_m))
             }
             Self::Ramp { incline_rad } => outside("ramp", incline_rad.to_degrees(), -30.0, 30.0, "degrees"),
             Self::Kerb { height_m } => outside("kerb height", height_m, 0.005, 0.3, "m"),

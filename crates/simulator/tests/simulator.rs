@@ -319,11 +319,11 @@ fn bad_options_are_named() {
         (SimulatorOptions { timestep_s: 0.1, ..default() }, "timestep_s is 0.1"),
         (
             SimulatorOptions { terrain: Terrain::Slope { uphill_rad: 1.5, sideways_rad: 0.0 }, ..default() },
-            "uphill slope",
+            "slope_uphill_deg",
         ),
         (
             SimulatorOptions { terrain: Terrain::Rough { height_m: -1.0, cell_m: 0.1 }, ..default() },
-            "bump height is -1",
+            "bump_height_m is -1",
         ),
     ] {
         let error = Simulator::new(&robot, options).unwrap_err().to_string();

@@ -15,7 +15,7 @@ use robot::Robot;
 use run_recorder::{BodySample, RunInfo, RunRecorder};
 use simulator::pictures::{self, Studio};
 use simulator::walk::{self, Cycle, Drives, End, Start, Walk, WalkOptions};
-use simulator::{Posture, Push, RobotState, SimulatorOptions, Terrain};
+use simulator::{Posture, Push, RobotState, SimulatorOptions, Terrain, setting};
 use std::ops::ControlFlow;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
@@ -48,13 +48,13 @@ pub struct Arguments {
     #[arg(long, default_value_t = 0)]
     seed: u64,
     /// Standard deviation of every joint's offset at the start, rad
-    #[arg(long, value_name = "RAD", default_value_t = 0.0)]
+    #[arg(long, value_name = "RAD", default_value_t = setting::JOINT_NOISE_RAD.default)]
     noise: f64,
     /// Where the robot starts
     #[arg(long, value_enum, default_value_t = StartArgument::Gait)]
     start: StartArgument,
     /// Coefficient of friction between toes and ground
-    #[arg(long, value_name = "MU", default_value_t = 0.8)]
+    #[arg(long, value_name = "MU", default_value_t = setting::FRICTION.default)]
     mu: f64,
     /// Ground that rises ahead, and to the left if a second number is given, degrees
     #[arg(long, value_name = "DEG", num_args = 1..=2, group = "ground", allow_negative_numbers = true)]
@@ -88,7 +88,7 @@ pub struct Arguments {
     #[arg(long, value_name = "FILE", conflicts_with = "delay")]
     bus: Option<PathBuf>,
     /// With --bus: how long a drive takes from a frame to its effect, s
-    #[arg(long, value_name = "S", default_value_t = 0.0, requires = "bus")]
+    #[arg(long, value_name = "S", default_value_t = setting::DRIVE_LATENCY_S.default, requires = "bus")]
     drive_latency: f64,
     /// Close the law in the controller, once a control period, instead of at the drives
     #[arg(long)]
@@ -157,9 +157,9 @@ impl Arguments {
                 sideways_rad: slope.get(1).copied().unwrap_or_default().to_radians(),
             }
         } else if let Some(height_m) = self.bumps {
-            Terrain::Rough { height_m, cell_m: 0.1 }
+            Terrain::Rough { height_m, cell_m: setting::BUMP_CELL_M.default }
         } else if let Some(rise_m) = self.stairs {
-            Terrain::Steps { rise_m, run_m: 0.4 }
+            Terrain::Steps { rise_m, run_m: setting::STAIR_RUN_M.default }
         } else {
             Terrain::Flat
         };
@@ -200,8 +200,8 @@ impl Arguments {
         let text = std::fs::read_to_string(found).with_context(|| format!("cannot read {}", file.display()))?;
         let bus = BusConfig::from_toml_str(&text, &robot.name, &robot.joint_names())
             .with_context(|| file.display().to_string())?;
-        if !(0.0..=0.015).contains(&self.drive_latency) {
-            bail!("--drive-latency is {} s, expected 0 to 0.015", self.drive_latency);
+        if let Err(wrong) = setting::DRIVE_LATENCY_S.check(self.drive_latency) {
+            bail!("--drive-latency {wrong}");
         }
         // The emulation has one limit for all drives; the simulator still keeps each joint's own.
         let torque_limit_nm = robot.limits.drive_torque_nm.into_iter().fold(0.0, f64::max);

@@ -1,8 +1,9 @@
-//! Balance and driving: the node's parameters for them, and `cmd_vel`.
+//! Balance and driving: what the node's parameters say of them, and `cmd_vel`.
 
 use crate::cycle::TimedVelocity;
 use crate::inputs::{InputProblems, Topic};
-use control::balanced::{BalanceConfig, default};
+use crate::parameters::Table;
+use control::balanced::BalanceConfig;
 use control::{Config, Velocity};
 use realtime::monotonic_now;
 use robot::{Robot, RobotError};
@@ -30,45 +31,15 @@ pub struct DriveParameters {
 }
 
 impl DriveParameters {
-    /// Declares them and reads their values.
-    ///
-    /// # Errors
-    /// The first parameter whose value is of another type or out of its range.
-    pub fn declare(node: &Node) -> Result<Self, RosError> {
-        let flag = |name: &str, text: &str| {
-            node.parameter(name, false).description(text).read_only().declare().map(|p| p.get())
-        };
-        let number = |name: &str, default: f64, low: f64, high: f64, text: &str| {
-            node.parameter(name, default).description(text).range(low, high).read_only().declare().map(|p| p.get())
-        };
-        Ok(Self {
-            balance: flag(
-                "balance",
-                "Walk in balance where an inertial unit is heard, obey cmd_vel, and publish odom and /tf; false: the paper's law.",
-            )?,
-            stamped: flag("cmd_vel_stamped", "cmd_vel is a geometry_msgs/TwistStamped; false: a Twist.")?,
-            timeout_s: number(
-                "cmd_vel_timeout_s",
-                default::COMMAND_TIMEOUT_S,
-                0.05,
-                10.0,
-                "A cmd_vel older than this counts as none, s: it steps in place.",
-            )?,
-            odometry_rate_hz: number(
-                "odometry_rate_hz",
-                50.0,
-                0.1,
-                1000.0,
-                "With balance: messages on odom and /tf a second.",
-            )?,
-            frame_prefix: node
-                .parameter("frame_prefix", String::new())
-                .description("With balance: stands before the names of the frames odom and base_link, such as left/.")
-                .validate(ros::PREFIX_RULE, ros::check_prefix)
-                .read_only()
-                .declare()?
-                .get(),
-        })
+    /// What the table says of them.
+    pub fn new(table: &Table) -> Self {
+        Self {
+            balance: table.balance,
+            stamped: table.cmd_vel_stamped,
+            timeout_s: table.cmd_vel_timeout_s,
+            odometry_rate_hz: table.odometry_rate_hz,
+            frame_prefix: table.frame_prefix.clone(),
+        }
     }
 
     /// The controller's configuration with what they ask for.

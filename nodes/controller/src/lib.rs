@@ -24,6 +24,7 @@ pub mod emergency_stop;
 pub mod inputs;
 pub mod odometry;
 pub mod others;
+pub mod parameters;
 pub mod ports;
 pub mod press;
 pub mod record_root;

@@ -14,6 +14,7 @@ use tandem_msgs::{
     Gait, GenerateGait, GenerateGaitAction, GenerateGaitFeedback, GenerateGaitRequest, GenerateGaitResponse,
 };
 
+use crate::parameters::Table;
 use crate::planner::Planner;
 use crate::ports;
 
@@ -36,47 +37,15 @@ impl Parameters {
     /// # Errors
     /// The first parameter whose value is of another type or out of its range.
     pub fn declare(node: &Node) -> Result<Self, RosError> {
-        let folder = node
-            .parameter("robot", "config/robots/vision60".to_string())
-            .description(
-                "Folder of the robot's description; looked for from the working folder, then above the program.",
-            )
-            .read_only()
-            .declare()?;
-        let time_limit_s = node
-            .parameter("time_limit_s", 20.0)
-            .description("A solve that takes longer is given up, s.")
-            .range(0.1, 600.0)
-            .read_only()
-            .declare()?;
-        let count = |name: &str, default: i64, least: i64, text: &str| {
-            let declared = node.parameter(name, default).description(text).range(least, 1000).read_only().declare();
-            // The range keeps it above 0.
-            declared.map(|parameter| usize::try_from(parameter.get()).unwrap_or_default())
-        };
+        let table = Table::declare(node)?;
+        // The ranges keep both at or above 0.
+        let count = |value: i64| usize::try_from(value).unwrap_or_default();
         Ok(Parameters {
-            folder: folder.get(),
-            time_limit: Duration::from_secs_f64(time_limit_s.get()),
-            waiting: count(
-                "waiting_requests",
-                8,
-                0,
-                "How many requests may wait behind those that are planned; more are answered with status busy.",
-            )?,
-            parallel: count(
-                "parallel_requests",
-                2,
-                1,
-                "How many requests are planned at once, so that the search for a nearest request holds up nobody else.",
-            )?,
-            find_nearest: node
-                .parameter("find_nearest", true)
-                .description(
-                    "Answer a request that cannot be planned with the nearest one that can; takes a few solves.",
-                )
-                .read_only()
-                .declare()?
-                .get(),
+            folder: table.robot,
+            time_limit: Duration::from_secs_f64(table.time_limit_s),
+            waiting: count(table.waiting_requests),
+            parallel: count(table.parallel_requests),
+            find_nearest: table.find_nearest,
         })
     }
 }

@@ -3,6 +3,7 @@
 pub mod bridge;
 pub mod config;
 pub mod inbox;
+pub mod parameters;
 pub mod ports;
 pub mod trial;
 pub mod work;

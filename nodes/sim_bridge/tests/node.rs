@@ -212,8 +212,8 @@ fn a_can_interface_that_is_not_there_is_named() {
 #[test]
 fn a_bad_parameter_is_one_clear_error() {
     for (parameter, expected) in [
-        ("mode:=warp", "expected one of"),
-        ("friction:=-1.0", "friction"),
+        ("mode:=warp", "expected realtime or lockstep"),
+        ("friction:=-1.0", "\"friction\": expected a value from 0.01 to 5, got -1"),
         ("control_period_s:=0.00075", "no multiple of timestep_s"),
         ("robot:=nowhere", "nowhere"),
     ] {

@@ -9,7 +9,7 @@ mod ground;
 mod reference;
 mod walk;
 
-pub use crate::balance_config::{BalanceConfig, VelocityLimit, default};
+pub use crate::balance_config::{BalanceConfig, VelocityLimit};
 pub use drive::{Velocity, VelocityCommand};
 pub(crate) use reference::swings;
 pub(crate) use walk::{Balanced, Trouble};
