@@ -4,6 +4,7 @@
 {"watch": NAME, "type": "package/msg/Type"}                                 begins to keep what a topic says
 {"say": NAME, "type": "package/msg/Type", "fields": {...}}                 says it from now on, 20 times a second
 {"heard": NAME, "fields": [...]}                                            what it said since, with the time of each message
+{"graph": NAMESPACE}                                                        the DDS topics there, with writers and readers of each
 """
 
 import importlib
@@ -76,6 +77,9 @@ for line in sys.stdin:
             node.create_timer(0.05, lambda said=said[name]: said[0].publish(said[1]))
         said[name][1] = type_(**request["fields"])
         answer = {}
+    elif "graph" in request:
+        names = [name for name, _ in node.get_topic_names_and_types(no_demangle=True) if name[2:].startswith(request["graph"] + "/")]
+        answer = [[name, len(node.get_publishers_info_by_topic(name, True)), len(node.get_subscriptions_info_by_topic(name, True))] for name in names]
     else:
         answer = [[when, *(value(message, path) for path in request["fields"])] for when, message in list(heard[request["heard"]])]
     print(json.dumps(answer), flush=True)

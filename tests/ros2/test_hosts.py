@@ -3,9 +3,12 @@
 import json
 import math
 import os
+import select
 import signal
+import socket
 import subprocess
 import sys
+import threading
 import time
 
 import pytest
@@ -105,6 +108,78 @@ def test_a_network_that_comes_up_later_is_used(hosts, tmp_path):
     finally:
         planner.close()
         robot.close()
+
+
+class Relay:
+    """In the middle of the cable: drops every second announcement of an endpoint that the planner's host sends to all (and not again to one)."""
+
+    ANNOUNCEMENTS = (bytes.fromhex("000003c2"), bytes.fromhex("000004c2"))
+
+    def __init__(self):
+        ip("-n", PLANNER, "link", "del", "to_robot")
+        for host, cable, middle, address in ((PLANNER, "to_robot", "middle_p", "10.77.0.1/24"), (ROBOT, "to_planner", "middle_r", "10.77.0.2/24")):
+            ip("link", "add", middle, "type", "veth", "peer", "name", cable, "netns", host)
+            ip("link", "set", middle, "up")
+            ip("-n", host, "addr", "add", address, "dev", cable)
+            ip("-n", host, "link", "set", cable, "up")
+            ip("-n", host, "route", "add", "239.255.0.0/16", "dev", cable)
+        self.ends = [socket.socket(socket.AF_PACKET, socket.SOCK_RAW, socket.htons(3)) for _ in range(2)]
+        for end, middle in zip(self.ends, ("middle_p", "middle_r"), strict=True):
+            end.bind((middle, 0))
+        self.dropped, self.lossy, self.running = 0, False, True
+        self.thread = threading.Thread(target=self.relay, daemon=True)
+        self.thread.start()
+
+    def relay(self):
+        while self.running:
+            for end in select.select(self.ends, [], [], 0.2)[0]:
+                frame, address = end.recvfrom(65536)
+                if address[2] == socket.PACKET_OUTGOING or (self.lossy and end is self.ends[0] and self.is_lost(frame)):
+                    continue
+                if frame[12:14] == b"\x08\x00" and frame[23] == socket.IPPROTO_UDP:
+                    frame = frame[:40] + bytes(2) + frame[42:]  # a virtual cable leaves the checksum to hardware; none is as good
+                self.ends[end is self.ends[0]].send(frame)
+
+    def is_lost(self, frame):
+        """DATA (0x15) of a writer that announces endpoints: its body begins with four bytes, a reader, the writer and the number."""
+        head = frame.find(b"RTPS") + 20
+        at = next((at for name in self.ANNOUNCEMENTS if (at := frame.find(name)) > 0 and frame[at - 12] == 0x15), None)
+        lost = at is not None and frame[head] != 0x0E and frame[at + 8] % 2 == 1
+        self.dropped += lost
+        return lost
+
+    def close(self):
+        self.running = False
+        self.thread.join(5)
+        for end in self.ends:
+            end.close()
+        for middle in ("middle_p", "middle_r"):
+            ip("link", "del", middle, check=False)
+
+
+def test_announcements_that_were_lost_are_known_when_they_were_sent_again(hosts, tmp_path):
+    """Fast DDS asks three nodes for what it missed of them, and gets it: then it must know it, too."""
+    relay, robot = Relay(), Host(ROBOT, tmp_path)
+    graph = lambda: sorted(robot.ask(graph="/announced"))
+    try:
+        for relay.lossy in (False, True):
+            planners = Host(PLANNER, tmp_path)
+            for name in ("one", "two", "three"):
+                planners.start("tandem_planner", "--ros-args", "-r", f"__ns:=/announced/{name}")
+            if not relay.lossy:
+                for name in ("one", "two", "three"):
+                    assert robot.call(f"/announced/{name}/generate_gait", "tandem_msgs/srv/GenerateGait", 40, behaviour="gait1")["success"]
+                time.sleep(2)
+                whole = graph()
+                assert len(whole) > 90, whole
+            wait_until(lambda: graph() == whole, 20, lambda: f"still unknown: {[row for row in whole if row not in graph()]}")
+            planners.close()
+            own = lambda row: row[0].endswith(("/generate_gaitRequest", "/generate_gaitReply"))
+            wait_until(lambda: all(map(own, graph())), 20, graph)
+        assert relay.dropped > 5, relay.dropped
+    finally:
+        robot.close()
+        relay.close()
 
 
 def test_walking_survives_a_cut_cable_and_a_killed_planner(hosts, tmp_path):
