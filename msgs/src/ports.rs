@@ -1,7 +1,7 @@
 //! The gait message and the gait: planner, controller and recorder convert here, in one place.
 
 use gait::bezier::DEGREE;
-use gait::{Coefficients, InitialState, JOINTS, Mirror, SecondStep, SolverSummary};
+use gait::{Certificate, Coefficients, InitialState, JOINTS, Mirror, SecondStep, SolverSummary};
 
 use crate::geometry_msgs::{Point, Pose, Quaternion, Twist, Vector3};
 use crate::std_msgs::Header;
@@ -117,6 +117,10 @@ impl Gait {
                 objective: gait.solver.objective,
                 worst_constraint: String::new(),
             },
+            points: gait.certificate.map_or(0, |c| c.points),
+            largest_multiplier: gait.certificate.map_or(0.0, |c| c.largest_multiplier),
+            landing_run_m: gait.certificate.map_or(0.0, |c| c.landing_run_m),
+            stable: gait.certificate.is_some_and(|c| c.stable),
         }
     }
 
@@ -179,6 +183,12 @@ impl Gait {
                 max_violation: self.solver.max_violation,
                 objective: self.solver.objective,
             },
+            certificate: (self.points > 0).then_some(Certificate {
+                points: self.points,
+                largest_multiplier: self.largest_multiplier,
+                landing_run_m: self.landing_run_m,
+                stable: self.stable,
+            }),
         };
         gait.validate()?;
         Ok(gait)
@@ -236,6 +246,7 @@ mod tests {
                 max_violation: 1e-9,
                 objective: 0.04,
             },
+            certificate: Some(Certificate { points: 21, largest_multiplier: 0.7, landing_run_m: 0.01, stable: true }),
         }
     }
 
@@ -250,6 +261,8 @@ mod tests {
             reference_coefficients_rad: gait.coefficients_rad.map(|row| row.map(|c| c + 0.2)),
         });
         assert_eq!(Gait::from_gait(&gait).version, 2);
+        assert_eq!(Gait::from_gait(&gait).to_gait().unwrap(), gait);
+        gait.certificate = None;
         assert_eq!(Gait::from_gait(&gait).to_gait().unwrap(), gait);
     }
 

@@ -79,7 +79,7 @@ messages! { "tandem_msgs";
     }
     /// How the optimisation of a gait ended.
     SolverReport {
-        /// `converged`, or why it is not: the solver's own word.
+        /// `converged`, `acceptable`, or why it is neither: the solver's own word.
         status: String,
         /// Iterations of the outer loop.
         iterations: u32,
@@ -141,6 +141,14 @@ messages! { "tandem_msgs";
         request_json: String,
         /// How the optimisation ended.
         solver: SolverReport,
+        /// Points of the program that the plan came from; 0: this and the three fields after it are not known.
+        points: u32,
+        /// Largest multiplier of the step's map.
+        largest_multiplier: f64,
+        /// How far from its place a swing toe would meet a slightly higher floor, m.
+        landing_run_m: f64,
+        /// Whether both say that the gait stands by itself.
+        stable: bool,
     }
     /// What the controller does.
     ControllerState {
@@ -212,6 +220,11 @@ messages! { "tandem_msgs";
         torque_limit_nm: Vec<f64>,
         /// What the tracking law follows: `compensated` (also when empty), `planned_joints` or `in_program`.
         reference: String,
+        /// Points of the program, odd, 5 to 161; 0: 11.
+        points: u32,
+        /// Choose the step duration and the half-width, each where it is not given, for the smallest largest
+        /// multiplier.
+        stable: bool,
     }
     /// The plan, or why there is none.
     GenerateGaitResponse {
@@ -238,6 +251,14 @@ messages! { "tandem_msgs";
         step_length_m: f64,
         /// What the solver said, also of a gait that was not found.
         solver: SolverReport,
+        /// Points of the program that the plan came from; 0: this and the three fields after it are not known.
+        points: u32,
+        /// Largest multiplier of the step's map.
+        largest_multiplier: f64,
+        /// How far from its place a swing toe would meet a slightly higher floor, m.
+        landing_run_m: f64,
+        /// Whether both say that the gait stands by itself.
+        stable: bool,
     }
     /// A gait file.
     LoadGaitRequest {

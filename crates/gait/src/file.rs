@@ -2,7 +2,9 @@
 //! a `second_step` of its own. A gait is written in the lowest version that can carry it, so that a reader of version 1 reads
 //! every gait that it can walk, and refuses, by its version, a gait that it would walk wrongly.
 
-use crate::{Coefficients, Gait, GaitError, InitialState, JOINTS, Mirror, SecondStep, SolverSummary, bezier};
+use crate::{
+    Certificate, Coefficients, Gait, GaitError, InitialState, JOINTS, Mirror, SecondStep, SolverSummary, bezier,
+};
 use serde::{Deserialize, Serialize};
 
 /// `format` of every gait file.
@@ -43,6 +45,8 @@ struct GaitFile {
     torque_limit_nm: [f64; JOINTS],
     request: serde_json::Value,
     solver: SolverSummary,
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    certificate: Option<Certificate>,
 }
 
 #[derive(Serialize, Deserialize)]
@@ -98,6 +102,7 @@ impl Gait {
             torque_limit_nm: f.torque_limit_nm,
             request: f.request,
             solver: f.solver,
+            certificate: f.certificate,
         };
         if f.bezier_degree != bezier::DEGREE {
             return Err(GaitError::Value {
@@ -131,6 +136,7 @@ impl Gait {
             torque_limit_nm: g.torque_limit_nm,
             request: g.request,
             solver: g.solver,
+            certificate: g.certificate,
         };
         // A number that is not finite would become null; every gait is validated, so none is left.
         serde_json::to_string_pretty(&file).expect("a gait has only strings, numbers and arrays") + "\n"
@@ -142,6 +148,9 @@ mod tests {
     use super::*;
     use crate::MAX_NAME_CHARS;
     use crate::StepSide;
+
+    const CERTIFICATE: Certificate =
+        Certificate { points: 21, largest_multiplier: 0.1 + 0.6, landing_run_m: 0.012, stable: true };
 
     /// A standing "gait": every joint stays where it is.
     fn standing() -> Gait {
@@ -177,6 +186,7 @@ mod tests {
                 max_violation: 1e-9,
                 objective: 0.0,
             },
+            certificate: None,
         }
     }
 
@@ -184,6 +194,8 @@ mod tests {
     fn a_file_read_back_is_the_same_gait_and_the_same_bytes() {
         let mut gait = standing();
         gait.step_duration_s = 0.1 + 0.2;
+        assert!(!gait.to_json().contains("certificate"), "a gait without one is written as before");
+        gait.certificate = Some(CERTIFICATE);
         let text = gait.to_json();
         let again = Gait::from_json(&text).unwrap();
         assert_eq!(again, gait);
@@ -253,7 +265,13 @@ mod tests {
     #[test]
     fn bad_values_are_named() {
         type Case = (&'static str, fn(&mut Gait));
-        let cases: [Case; 11] = [
+        let cases: [Case; 13] = [
+            ("certificate.landing_run_m is NaN", |g| {
+                g.certificate = Some(Certificate { landing_run_m: f64::NAN, ..CERTIFICATE });
+            }),
+            ("certificate.stable is true, expected false with a largest multiplier of 1.2", |g| {
+                g.certificate = Some(Certificate { largest_multiplier: 1.2, ..CERTIFICATE });
+            }),
             ("second_step.coefficients_rad let joint_0 jump", |g| {
                 let mut rows = g.coefficients_rad;
                 rows[0][5] += 0.1;

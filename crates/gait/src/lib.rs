@@ -13,9 +13,11 @@
 //! ```
 
 pub mod bezier;
+mod certificate;
 mod file;
 
 pub use bezier::Coefficients;
+pub use certificate::Certificate;
 pub use file::{FILE_FORMAT, FILE_VERSION, FILE_VERSION_TWO_STEPS, MAX_FILE_BYTES};
 pub use joints::{JOINTS, JOINTS_PER_LEG, LEGS};
 
@@ -91,7 +93,7 @@ pub struct InitialState {
 #[derive(Clone, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct SolverSummary {
-    /// `converged`, or why not.
+    /// `converged`, or `acceptable` where the last gains stalled.
     pub status: String,
     /// Iterations of the nonlinear program's solver.
     pub iterations: u32,
@@ -151,6 +153,9 @@ pub struct Gait {
     pub request: serde_json::Value,
     /// What the solver said.
     pub solver: SolverSummary,
+    /// How it stands by itself; none of a gait that was not planned but interpolated, or planned before there were
+    /// certificates.
+    pub certificate: Option<Certificate>,
 }
 
 /// Why a gait was refused.
@@ -353,7 +358,7 @@ impl Gait {
                 );
             }
         }
-        self.check_continuity()
+        self.check_certificate().and_then(|()| self.check_continuity())
     }
 
     /// A jump of the planned joints at a switch would be a blow to the drives.

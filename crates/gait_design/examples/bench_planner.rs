@@ -5,8 +5,8 @@
 use decomposition::Pairing;
 use gait_design::library::{Axis, Field, Grid, Library};
 use gait_design::{
-    BipedPair, Condensed, DecomposedProgram, GaitRequest, PlanOptions, Planner, ProgramSettings, SubproblemSolver,
-    behaviours, nominal, plan, plan_full_order,
+    BipedPair, Condensed, DecomposedProgram, GaitRequest, PlanOptions, Planner, ProgramSettings, Reference,
+    SubproblemSolver, behaviours, nominal, plan, plan_full_order,
 };
 use nlp::{Evaluation, Problem, Subproblem};
 use robot::Robot;
@@ -185,6 +185,15 @@ fn parts(robot: &Robot) {
         microseconds(&mut || {
             black_box(gait_design::between_points(robot, &request, &gait.gait, &gait.points));
         })
+    );
+    println!(
+        "certificate_ms = {:.3}",
+        1e-3 * microseconds(&mut || drop(black_box(gait_design::certificate(
+            robot,
+            &gait.gait,
+            Reference::Compensated,
+            [&gait.points, &[]]
+        ))))
     );
 }
 

@@ -11,6 +11,7 @@
 //! ```
 
 mod biped;
+mod certificate;
 mod condensed;
 mod full_order;
 mod guess;
@@ -23,10 +24,12 @@ mod recompose;
 mod refine;
 mod request;
 mod stability;
+mod stable;
 mod tolerance;
 mod verification;
 
 pub use biped::BipedPair;
+pub use certificate::certificate;
 pub use condensed::Condensed;
 pub use full_order::{FullOrderProgram, plan_full_order};
 pub use guess::{Unreachable, nominal};
@@ -40,6 +43,7 @@ pub use request::{
 };
 
 pub use stability::{Complex, Stability, stability};
+pub use stable::{Open, choose, plan_stable};
 pub use tolerance::Tolerances;
 pub use verification::{BetweenPoints, SimulatedPoint, StepComparison, StepLaw, between_points, simulate_planned_step};
 
@@ -108,6 +112,8 @@ impl Default for PlanOptions {
         let solver = Settings {
             objective_tolerance: 1e-8,
             constraint_tolerance: 1e-5,
+            acceptable_tolerance: 1e-6,
+            acceptable_iterations: 20,
             max_iterations: 100,
             // Costs are about 0.05; Clarabel's tolerances are absolute.
             objective_scale: 1e3,
@@ -170,6 +176,9 @@ pub enum PlanError {
     /// The solution fails the check by the full-order model.
     #[error("no gait: the solution fails the check by the full-order model: {0}")]
     Unverified(String),
+    /// The step's map cannot be had.
+    #[error("no gait: how it stands by itself cannot be computed: {0}")]
+    Certificate(#[from] decomposition::DynamicsError),
     /// The recomposed gait is not one that can be walked.
     #[error(transparent)]
     Gait(#[from] GaitError),
@@ -255,9 +264,25 @@ fn leg_length_m(robot: &Robot) -> f64 {
         .fold(0.0, f64::max)
 }
 
+/// Between the front and the rear hips, m.
+fn hip_distance_m(robot: &Robot) -> f64 {
+    let mut data = rigid_body::Data::new(&robot.model);
+    let zero = vec![0.0; robot.model.dof()];
+    rigid_body::forward_kinematics(&robot.model, &mut data, &zero, &zero, &zero);
+    let names = robot.joint_names();
+    let x = |leg: usize| {
+        let dof = robot.model.joint_index(&names[3 * leg]).expect("the robot's joints are the model's");
+        let frame = robot.model.frame_id(robot.model.link_name(dof)).expect("every link is a frame");
+        rigid_body::frame_position(&robot.model, &data, frame).x
+    };
+    (x(0) - x(1)).abs()
+}
+
 #[cfg(test)]
 mod tests;
 #[cfg(test)]
 mod tests_edges;
 #[cfg(test)]
 mod tests_rear;
+#[cfg(test)]
+mod tests_stability;

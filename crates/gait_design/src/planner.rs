@@ -1,5 +1,6 @@
 //! Planning many gaits for one robot, with the memory and the program's structure kept from one to the next.
 
+use crate::certificate::certificate;
 use crate::condensed::Condensed;
 use crate::memory::Memory;
 use crate::program::DecomposedProgram;
@@ -99,6 +100,8 @@ impl Planner {
             if options.reference == Reference::PlannedJoints {
                 plan.gait.reference_coefficients_rad = plan.gait.coefficients_rad;
             }
+            let robot = &self.prepared.last().expect("solving prepares").robot;
+            plan.gait.certificate = certificate(robot, &plan.gait, options.reference, [&plan.points, &[]])?;
             return Ok(plan);
         }
     }
@@ -150,7 +153,7 @@ impl Planner {
         }
         // What was remembered may be of no use; a request is refused on a start of its own only.
         let solution = match solution {
-            Some(solution) if matches!(solution.status, Status::Converged | Status::Cancelled) => solution,
+            Some(solution) if solution.status.is_solution() || solution.status == Status::Cancelled => solution,
             _ => {
                 let Prepared { robot, program, .. } = self.prepared.last_mut().expect("just prepared");
                 let fitting = options.warm_start.clone().and_then(|WarmStart(x)| on_grid(x, program.points()));
@@ -161,7 +164,7 @@ impl Planner {
                 self.solve_from(&start, options, &mut progress)?
             }
         };
-        if solution.status != Status::Converged {
+        if !solution.status.is_solution() {
             return Err(not_converged(solution));
         }
         if remembers {

@@ -163,6 +163,7 @@ pub(crate) fn gait(
         torque_limit_nm: std::array::from_fn(|j| request.torque_limit_nm[j % 3]),
         request: serde_json::to_value(request).expect("a request is plain numbers and a name"),
         solver,
+        certificate: None,
     };
     gait.validate()?;
     Ok(gait)

@@ -13,6 +13,10 @@
 //! - I: the plastic impact of toes 0 and 3 (paper II-D). The plan's touchdown is soft, so the plan itself does not feel it.
 //! - S: the left–right mirror.
 //!
+//! The map is computed where a step can begin: stance toes on the floor and at rest, wherever they are. There the
+//! robot has 28 coordinates: the body's and the swing legs' twelve, their rates, and the stance toes' four places;
+//! the map's other eight multipliers are zero, for whatever leads off the manifold is gone at the next switch.
+//!
 //! Where the second step is no mirror image of the first (a sideways slope, a rolled torso) it is the map of a stride,
 //!
 //! > P = (I · C · Φ)₂ · (I · C · Φ)₁.
@@ -22,11 +26,16 @@
 //! the robot: a toe that is too low lands before T and catches the fall, which a linear map of steps with touchdown by the clock
 //! cannot show. docs/planning.md has the measurement: MuJoCo's own map has these multipliers once its touchdown is by the clock.
 
+mod flow;
+mod generator;
+
 use crate::recompose::PlanPoint;
 use crate::verification::step_of;
-use decomposition::{ContactDynamics, DynamicsError};
-use gait::{Gait, JOINTS};
-use nalgebra::{DMatrix, DVector};
+use decomposition::DynamicsError;
+use flow::Flow;
+use gait::Gait;
+use generator::{PLACES, RATES, Row, generator, independent, lift};
+use nalgebra::DMatrix;
 use rigid_body::{Data, crba, last_point_kinematics_derivatives, rnea_derivatives};
 use robot::Robot;
 
@@ -34,11 +43,13 @@ use robot::Robot;
 pub type Complex = nalgebra::Complex<f64>;
 
 const DOF: usize = 18;
-const STATE: usize = 2 * DOF;
-/// The flow is taken as constant over so many parts of a Hermite–Simpson interval.
-const PARTS: usize = 6;
-/// Step of the difference quotients, rad or m, and per second.
-const DIFFERENCE: f64 = 1e-6;
+/// Coordinates of the stance manifold that move: the body's and the swing legs' joints.
+const ROWS: usize = 12;
+/// Those, their rates, and where the two stance toes are, x and y of each.
+const STATE: usize = 2 * ROWS + 4;
+/// Each Hermite–Simpson interval is integrated in so many parts, with which the largest multiplier of the five gaits
+/// is exact to 1e-5.
+const PARTS: usize = 7;
 
 /// Multipliers of the step-to-step map, or of the stride's where two different steps make one.
 #[derive(Clone, Debug, PartialEq)]
@@ -54,11 +65,6 @@ impl Stability {
     pub fn spectral_radius(&self) -> f64 {
         self.multipliers.first().map_or(0.0, |m| m.norm())
     }
-
-    /// Whether every multiplier that is not neutral is inside the unit circle.
-    pub fn is_stable(&self) -> bool {
-        self.spectral_radius() < 1.0
-    }
 }
 
 /// The multipliers of a plan's step-to-step map, or of its stride's. `points` and `second_points` are [`crate::Plan`]'s. For a plan on a
@@ -73,11 +79,23 @@ pub fn stability(
     points: &[PlanPoint],
     second_points: &[PlanPoint],
 ) -> Result<Stability, DynamicsError> {
-    let first_step = step_map(robot, gait, points)?;
+    stability_in_parts(robot, gait, points, second_points, PARTS)
+}
+
+/// [`stability`] with each interval integrated in so many parts.
+pub(crate) fn stability_in_parts(
+    robot: &Robot,
+    gait: &Gait,
+    points: &[PlanPoint],
+    second_points: &[PlanPoint],
+    parts: usize,
+) -> Result<Stability, DynamicsError> {
+    let first_step = step_map(robot, gait, points, parts)?;
     let map = if second_points.is_empty() {
-        mirror(robot) * first_step
+        on_manifold(robot, points) * mirror(robot) * first_step
     } else {
-        step_map(robot, gait, second_points)? * first_step
+        let second_step = step_map(robot, gait, second_points, parts)?;
+        on_manifold(robot, points) * second_step * on_manifold(robot, second_points) * first_step
     };
 
     // x, y and yaw span an invariant subspace; the rest is the quotient by it. Turning the robot turns its velocity.
@@ -85,12 +103,24 @@ pub fn stability(
     let is_level = gravity.x.hypot(gravity.y) < 1e-9 * gravity.norm();
     let neutral: &[usize] = if is_level { &[0, 1, 5] } else { &[0, 1] };
     let first = &points[0];
+    let toes = stance_toes(robot, points);
     let mut shifts = DMatrix::zeros(STATE, STATE);
-    shifts[(0, 0)] = 1.0;
-    shifts[(1, 1)] = 1.0;
+    for axis in 0..2 {
+        for row in [axis, PLACES + axis, PLACES + 2 + axis] {
+            shifts[(row, axis)] = 1.0;
+        }
+    }
     if is_level {
-        for (row, value) in [(0, -first.q[1]), (1, first.q[0]), (5, 1.0), (DOF, -first.v[1]), (DOF + 1, first.v[0])] {
-            shifts[(row, 2)] = value;
+        shifts[(5, 2)] = 1.0;
+        let turned = [
+            (0, [first.q[0], first.q[1]]),
+            (RATES, [first.v[0], first.v[1]]),
+            (PLACES, toes[0]),
+            (PLACES + 2, toes[1]),
+        ];
+        for (row, [x, y]) in turned {
+            shifts[(row, 2)] = -y;
+            shifts[(row + 1, 2)] = x;
         }
     }
     // The columns after these complete the basis.
@@ -108,60 +138,66 @@ pub fn stability(
     Ok(Stability { multipliers, neutral: eigenvalues(0, neutral.len()) })
 }
 
-/// I · C · Φ of one step.
-fn step_map(robot: &Robot, gait: &Gait, points: &[PlanPoint]) -> Result<DMatrix<f64>, DynamicsError> {
+/// I · C · Φ of one step: of the manifold's coordinates at its start, all of the robot's at its end.
+fn step_map(robot: &Robot, gait: &Gait, points: &[PlanPoint], parts: usize) -> Result<DMatrix<f64>, DynamicsError> {
     let (_, stance, swing) = step_of(points);
-    let generators: Vec<DMatrix<f64>> =
-        points.iter().map(|point| generator(robot, gait, stance, point)).collect::<Result<_, _>>()?;
-    let mut flow = DMatrix::identity(STATE, STATE);
-    let h = 2.0 * gait.step_duration_s / (points.len() - 1) as f64 / PARTS as f64;
+    let mut data = Data::new(&robot.model);
+    let generators: Vec<[Row; ROWS]> = points
+        .iter()
+        .map(|point| generator(robot, gait, &mut data, [stance, swing], point))
+        .collect::<Result<_, _>>()?;
+    let mut flow = Flow::identity();
+    let h = 2.0 * gait.step_duration_s / (points.len() - 1) as f64;
     for interval in generators.windows(3).step_by(2) {
-        for part in 0..PARTS {
-            // The quadratic through the three points, in the middle of the part.
-            let s = (part as f64 + 0.5) / PARTS as f64;
-            let weights = [(1.0 - s) * (1.0 - 2.0 * s), 4.0 * s * (1.0 - s), s * (2.0 * s - 1.0)];
-            let middle = &interval[0] * weights[0] + &interval[1] * weights[1] + &interval[2] * weights[2];
-            flow = (middle * h).exp() * flow;
-        }
+        flow.advance([&interval[0], &interval[1], &interval[2]], h, parts)?;
     }
-    let last = points.last().expect("a plan has points");
-    Ok(touchdown(robot, stance, swing, last) * flow)
+    let end = points.last().expect("a plan has points");
+    // The last generator's kinematics are the end's.
+    let lift = lift(robot, &mut data, stance, swing)?;
+    let spread = |row: &Row| -> Row {
+        let mut sum = [0.0; STATE];
+        sum[PLACES..].copy_from_slice(&row[PLACES..]);
+        for k in 0..ROWS {
+            generator::add(&mut sum, row[k], &flow.position[k]);
+            generator::add(&mut sum, row[RATES + k], &flow.rate[k]);
+        }
+        sum
+    };
+    let ends: Vec<Row> = lift.position.iter().chain(&lift.velocity).map(spread).collect();
+    Ok(touchdown(robot, stance, swing, end) * DMatrix::from_fn(2 * DOF, STATE, |r, c| ends[r][c]))
 }
 
-/// d/dt (δq, δq̇) = G (δq, δq̇) at a point of the plan under the tracking law.
-fn generator(robot: &Robot, gait: &Gait, stance: [usize; 2], point: &PlanPoint) -> Result<DMatrix<f64>, DynamicsError> {
-    let stance = stance.map(|leg| robot.legs[leg].toe);
-    let mut dynamics = ContactDynamics::new(&robot.model, stance.len());
-    let mut acceleration = |q: &[f64; DOF], v: &[f64; DOF]| -> Result<DVector<f64>, DynamicsError> {
-        let mut tau = [0.0; DOF];
-        for j in 0..JOINTS {
-            let (dq, dv) = (q[6 + j] - point.q[6 + j], v[6 + j] - point.v[6 + j]);
-            tau[6 + j] = point.torque_nm[j] - gait.kp[j] * dq - gait.kd[j] * dv;
-        }
-        Ok(dynamics.motion(&robot.model, q, v, &tau, &stance)?.acceleration.clone())
-    };
-    let mut g = DMatrix::zeros(STATE, STATE);
-    for column in 0..STATE {
-        let mut at = |change: f64| {
-            let (mut q, mut v) = (point.q, point.v);
-            if column < DOF {
-                q[column] += change
-            } else {
-                v[column - DOF] += change
-            }
-            acceleration(&q, &v)
-        };
-        let difference = (at(DIFFERENCE)? - at(-DIFFERENCE)?) / (2.0 * DIFFERENCE);
-        g.view_mut((DOF, column), (DOF, 1)).copy_from(&difference);
+/// The manifold's coordinates of the step that starts at a plan's first point, of all of the robot's.
+fn on_manifold(robot: &Robot, points: &[PlanPoint]) -> DMatrix<f64> {
+    let (_, stance, swing) = step_of(points);
+    let mut data = Data::new(&robot.model);
+    let first = &points[0];
+    rigid_body::forward_kinematics(&robot.model, &mut data, &first.q, &first.v, &first.a);
+    let mut map = DMatrix::zeros(STATE, 2 * DOF);
+    for (row, coordinate) in independent(swing).into_iter().enumerate() {
+        map[(row, coordinate)] = 1.0;
+        map[(RATES + row, DOF + coordinate)] = 1.0;
     }
-    for i in 0..DOF {
-        g[(i, DOF + i)] = 1.0;
+    for (k, leg) in stance.into_iter().enumerate() {
+        let toe = last_point_kinematics_derivatives(&robot.model, &mut data, robot.legs[leg].toe);
+        map.view_mut((PLACES + 2 * k, 0), (2, DOF)).copy_from(&toe.jacobian.rows(0, 2));
     }
-    Ok(g)
+    map
+}
+
+/// Where the stance toes of a step are at its start, x and y, m.
+fn stance_toes(robot: &Robot, points: &[PlanPoint]) -> [[f64; 2]; 2] {
+    let mut data = Data::new(&robot.model);
+    let first = &points[0];
+    rigid_body::forward_kinematics(&robot.model, &mut data, &first.q, &first.v, &first.a);
+    step_of(points).1.map(|leg| {
+        let toe = rigid_body::frame_position(&robot.model, &data, robot.legs[leg].toe);
+        [toe.x, toe.y]
+    })
 }
 
 /// I · C at a step's end.
-fn touchdown(
+pub(crate) fn touchdown(
     robot: &Robot,
     [stance_1, stance_2]: [usize; 2],
     [swing_1, swing_2]: [usize; 2],
@@ -200,7 +236,7 @@ fn touchdown(
     let land = stack(&[jacobian[swing_1].rows(0, 3), jacobian[swing_2].rows(0, 3)]);
     let land_by_q = stack(&[velocity_by_q[swing_1].rows(0, 3), velocity_by_q[swing_2].rows(0, 3)]);
     let stop = least(&land);
-    let mut map = DMatrix::zeros(STATE, STATE);
+    let mut map = DMatrix::zeros(2 * DOF, 2 * DOF);
     map.view_mut((0, 0), (DOF, DOF)).copy_from(&to_floor);
     map.view_mut((DOF, 0), (DOF, DOF)).copy_from(&(-&stop * land_by_q * to_floor));
     map.view_mut((DOF, DOF), (DOF, DOF)).copy_from(&(DMatrix::identity(DOF, DOF) - stop * land));
@@ -208,8 +244,8 @@ fn touchdown(
 }
 
 /// S, on positions and on velocities.
-fn mirror(robot: &Robot) -> DMatrix<f64> {
-    let mut s = DMatrix::zeros(STATE, STATE);
+pub(crate) fn mirror(robot: &Robot) -> DMatrix<f64> {
+    let mut s = DMatrix::zeros(2 * DOF, 2 * DOF);
     for column in 0..DOF {
         let mut unit = [0.0; DOF];
         unit[column] = 1.0;

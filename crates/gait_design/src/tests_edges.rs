@@ -372,3 +372,26 @@ fn long_steps_of_the_full_order_program_keep_to_the_stance_rolls_polynomials() {
         assert!(between.is_kept(), "{:?}", between.broken());
     }
 }
+
+/// Request 24 of `bench requests --seed 2`: feasible from iteration 12 on, and the merit's tail stalls at steps of
+/// 1/64. It was refused at the iteration limit.
+#[test]
+fn a_request_whose_last_gains_stall_is_planned_and_said_to_be_acceptable() {
+    let robot = vision60();
+    let request = GaitRequest {
+        step_duration_s: 0.5838924745948644,
+        height_m: 0.4940463919528749,
+        half_width_m: 0.29303324963909544,
+        clearance_m: 0.10135844276147697,
+        speed_m_s: -0.47475349322510274,
+        slope_rad: 0.927201981425279_f64.to_radians(),
+        ..GaitRequest::named("amble", &robot).unwrap()
+    };
+    let options = PlanOptions::default();
+    let coarse = Planner::new(&robot).solve(&request, &options, go_on).unwrap();
+    assert_eq!(coarse.status, Status::Acceptable);
+    assert!(coarse.worst.amount <= 1e-5 && coarse.iterations() <= 40, "{} iterations", coarse.iterations());
+    // From there, with twice the intervals.
+    let plan = plan(&robot, &request, &options, go_on).unwrap();
+    assert!(between_points(&on_slope(&robot, &request), &request, &plan.gait, &plan.points).is_kept());
+}

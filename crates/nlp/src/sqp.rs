@@ -7,33 +7,8 @@ use crate::problem::{
 use crate::qp::Qp;
 use std::ops::ControlFlow;
 
-/// When to stop and how.
-#[derive(Clone, Debug, PartialEq)]
-pub struct Settings {
-    /// Converged: the objective that the last subproblem still promises to gain, relative to max(1, |f|), is at most this.
-    pub objective_tolerance: f64,
-    /// Converged: no constraint is broken by more than this, in its own unit.
-    pub constraint_tolerance: f64,
-    /// Give up after so many iterations.
-    pub max_iterations: u32,
-    /// Multiplies the objective inside the subproblems, so that their absolute tolerance of 1e-8 fits it.
-    pub objective_scale: f64,
-}
-
-impl Default for Settings {
-    fn default() -> Self {
-        Self { objective_tolerance: 1e-8, constraint_tolerance: 1e-6, max_iterations: 100, objective_scale: 1.0 }
-    }
-}
-
-/// A setting that no solve can run with.
-#[derive(Clone, Debug, PartialEq, thiserror::Error)]
-#[error("solver setting {name} is {value}, expected {expected}")]
-pub struct SettingsError {
-    name: &'static str,
-    value: f64,
-    expected: &'static str,
-}
+mod ending;
+pub use ending::{Settings, SettingsError, Status};
 
 /// The most broken constraint.
 #[derive(Clone, Debug, PartialEq)]
@@ -42,39 +17,6 @@ pub struct Violation {
     pub name: String,
     /// By how much it is broken, in its own unit.
     pub amount: f64,
-}
-
-/// How a solve ended. Only [`Status::Converged`] is a solution.
-#[derive(Clone, Debug, PartialEq)]
-pub enum Status {
-    /// Both tolerances hold.
-    Converged,
-    /// No point near here satisfies the constraints, the worst first.
-    Infeasible {
-        /// Constraints that are broken where the violation is smallest.
-        fighting: Vec<Violation>,
-    },
-    /// The iterations ran out.
-    IterationLimit,
-    /// No progress was possible.
-    NumericalTrouble {
-        /// What failed.
-        reason: String,
-    },
-    /// The caller asked to stop.
-    Cancelled,
-}
-
-impl std::fmt::Display for Status {
-    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        match self {
-            Self::Converged => f.write_str("converged"),
-            Self::Infeasible { .. } => f.write_str("infeasible"),
-            Self::IterationLimit => f.write_str("iteration limit"),
-            Self::NumericalTrouble { reason } => write!(f, "numerical trouble: {reason}"),
-            Self::Cancelled => f.write_str("cancelled"),
-        }
-    }
 }
 
 /// One iteration, for the log and for progress.
@@ -150,18 +92,7 @@ const SHORTEST_STEP: f64 = 1e-8;
 impl SqpSolver {
     /// Checks the settings.
     pub fn new(settings: Settings) -> Result<Self, SettingsError> {
-        for (name, value) in [
-            ("objective_tolerance", settings.objective_tolerance),
-            ("constraint_tolerance", settings.constraint_tolerance),
-            ("objective_scale", settings.objective_scale),
-        ] {
-            if !(value > 0.0 && value.is_finite()) {
-                return Err(SettingsError { name, value, expected: "a positive number" });
-            }
-        }
-        if settings.max_iterations == 0 {
-            return Err(SettingsError { name: "max_iterations", value: 0.0, expected: "at least 1" });
-        }
+        settings.check()?;
         Ok(Self { settings })
     }
 
@@ -212,6 +143,7 @@ impl SqpSolver {
         let mut trial = vec![0.0; n];
         let mut trial_constraints = vec![0.0; m];
         let mut past = Acceleration::default();
+        let mut acceptable = 0;
         let violation = |g: &[f64], i: usize| outside(g[i], bounds.constraint_lower[i], bounds.constraint_upper[i]);
 
         let status = loop {
@@ -264,13 +196,11 @@ impl SqpSolver {
             };
             let scale = at.objective.abs().max(1.0);
             let feasible = max_violation <= self.settings.constraint_tolerance;
-            let gained = iteration.predicted_decrease.abs() <= self.settings.objective_tolerance * scale;
-            if !relaxed && feasible && gained {
-                log.push(iteration);
-                break Status::Converged;
-            }
-            if log.len() as u32 == self.settings.max_iterations {
-                break Status::IterationLimit;
+            if let Some(status) = self.ended(&iteration, feasible, scale, &mut acceptable) {
+                if status.is_solution() {
+                    log.push(iteration);
+                }
+                break status;
             }
 
             if let Some(multipliers) = &step.multipliers {
@@ -386,6 +316,20 @@ impl SqpSolver {
         };
         let worst = worst(problem, at);
         Ok(Solution { status, x, objective: at.objective, worst, multipliers, log })
+    }
+
+    /// Whether the solve ends where an iteration started, after so many acceptable ones in a row.
+    fn ended(&self, iteration: &Iteration, feasible: bool, scale: f64, acceptable: &mut u32) -> Option<Status> {
+        let held = feasible && !iteration.elastic;
+        let gains_at_most = |tolerance: f64| iteration.predicted_decrease.abs() <= tolerance * scale;
+        if held && gains_at_most(self.settings.objective_tolerance) {
+            return Some(Status::Converged);
+        }
+        *acceptable = if held && gains_at_most(self.settings.acceptable_tolerance) { *acceptable + 1 } else { 0 };
+        if *acceptable == self.settings.acceptable_iterations {
+            return Some(Status::Acceptable);
+        }
+        (iteration.number > self.settings.max_iterations).then_some(Status::IterationLimit)
     }
 
     /// The step whose linearised constraints are corrected by what the full step left over (Nocedal & Wright, 18.36).

@@ -45,6 +45,7 @@ fn gait(robot: &Robot) -> Gait {
         kd: std::array::from_fn(|j| robot.gains.kd_nm_s_per_rad[j % 3]),
         torque_limit_nm: [50.0; 12],
         request: serde_json::json!({ "behaviour": "gait1" }),
+        certificate: None,
         solver: SolverSummary {
             status: "converged".into(),
             iterations: 10,

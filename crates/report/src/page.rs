@@ -146,7 +146,7 @@ fn run_data(run: &PageRun) -> Value {
         "tracking": list(run.tracking_error.iter().map(|entry| entry.1), 0.0001),
         "events": run.events.iter().map(|(time, text)| json!([rounded(*time, 0.001), text])).collect::<Vec<_>>(),
         "mean_torque": run.has_torque.then(|| mean_absolute_torque_nm(settled)),
-        "speed_asked": run.gait.map(Gait::speed_m_s),
+        "largest_multiplier": run.gait.and_then(|g| g.certificate).map(|c| c.largest_multiplier), "speed_asked": run.gait.map(Gait::speed_m_s),
         "speed_got": run.has_body.then(|| mean_forward_speed_m_s(settled)),
         "table_two": run.gait.and_then(|gait| table_two(&gait.robot, &gait.name)).map(|paper| json!({
             "mujoco": paper.mujoco_nm, "experiment": paper.experiment_nm,

@@ -6,7 +6,7 @@ use crate::output;
 use crate::progress::Progress;
 use crate::robots::RobotArguments;
 use anyhow::{Context, Result, bail};
-use gait_design::{GaitRequest, Plan, PlanOptions, Reference};
+use gait_design::{GaitRequest, Open, Plan, PlanOptions, Reference};
 use std::ops::ControlFlow;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
@@ -21,6 +21,7 @@ use verify::{Stable, Verified};
 ///   tandem plan amble -o amble.json
 ///   tandem plan amble --speed 0.5 --step-duration 0.35
 ///   tandem plan gait1 --clearance 0.08 --height 0.52
+///   tandem plan amble --speed 0.4 --stable
 ///   tandem plan all -o gaits
 ///   tandem plan --table
 #[derive(clap::Args)]
@@ -76,6 +77,10 @@ pub struct Arguments {
     /// solved again with every interval halved, up to twice
     #[arg(long, value_name = "N", default_value_t = 11)]
     points: usize,
+    /// Choose the step duration and the half-width, each where no option gives it, for the smallest multiplier of the
+    /// step-to-step map: tens of milliseconds
+    #[arg(long, conflicts_with = "table")]
+    stable: bool,
     /// What the tracking law follows
     #[arg(long, value_enum, default_value_t = ReferenceArgument::Compensated)]
     reference: ReferenceArgument,
@@ -140,7 +145,7 @@ pub fn run(arguments: &Arguments) -> Result<ExitCode> {
         std::fs::create_dir_all(&folder).with_context(|| format!("cannot make the folder {}", folder.display()))?;
     }
     if !arguments.json {
-        say!("gait     iterations   time s         cost    violation       T s  points  file")?;
+        say!("gait     iterations   time s         cost    violation       T s  points  multiplier  file")?;
     }
     let mut followed = true;
     for name in names {
@@ -157,6 +162,8 @@ pub fn run(arguments: &Arguments) -> Result<ExitCode> {
 fn one(arguments: &Arguments, robot: &robot::Robot, name: &str, file: Option<&Path>) -> Result<bool> {
     let request = arguments.request(name, robot)?;
     let plan = timed(robot, &request, arguments, arguments.verbose)?;
+    // What was left open is chosen.
+    let request: GaitRequest = serde_json::from_value(plan.gait.request.clone()).context("the gait's request")?;
     let solver = &plan.gait.solver;
     if let Some(file) = file {
         output::write_file(file, plan.gait.to_json().as_bytes())?;
@@ -169,25 +176,33 @@ fn one(arguments: &Arguments, robot: &robot::Robot, name: &str, file: Option<&Pa
         output::json(&serde_json::json!({
             "gait": name, "iterations": solver.iterations, "solve_time_s": solver.solve_time_s, "cost": solver.objective,
             "violation": solver.max_violation, "step_duration_s": plan.gait.step_duration_s, "file": file,
-            "points": plan.points.len(),
+            "points": plan.points.len(), "half_width_m": request.half_width_m, "certificate": plan.gait.certificate,
             "verified": verified.as_ref().map(|steps| steps.iter().map(Verified::json).collect::<Vec<_>>()),
             "stability": stable.as_ref().map(Stable::json),
         }))?;
     } else {
         say!(
-            "{name:8} {:>10} {:>8.3} {:>12.6} {:>12.1e} {:>9.4} {:>7}  {}",
+            "{name:8} {:>10} {:>8.3} {:>12.6} {:>12.1e} {:>9.4} {:>7} {:>11}  {}",
             solver.iterations,
             solver.solve_time_s,
             solver.objective,
             solver.max_violation,
             plan.gait.step_duration_s,
             plan.points.len(),
+            multiplier(&plan.gait),
             file.map_or_else(|| "not written: give -o FILE".into(), output::shown)
         )?;
         let lines = verified.iter().flatten().map(Verified::text).chain(stable.iter().map(Stable::text));
         output::part(format_args!("{}", lines.collect::<String>()))?;
     }
     Ok(verified.iter().flatten().all(Verified::is_good))
+}
+
+/// The largest multiplier, marked where the gait is not called stable although its map contracts.
+fn multiplier(gait: &gait::Gait) -> String {
+    let Some(c) = &gait.certificate else { return "not known".into() };
+    let skims = c.largest_multiplier < 1.0 && !c.stable;
+    format!("{:.3}{}", c.largest_multiplier, if skims { " skims" } else { "" })
 }
 
 /// Plans the five gaits and prints Table I of the paper beside what came of them. Each is planned a few times, and the fastest
@@ -197,7 +212,7 @@ fn table(arguments: &Arguments, robot: &robot::Robot) -> Result<()> {
     if !arguments.json {
         say!("          Table I of the paper                                  here, {}", robot.name)?;
         say!(
-            "gait      steps/s  clearance m  speed m/s  iterations  time s  iterations  time ms      cost  violation"
+            "gait      steps/s  clearance m  speed m/s  iterations  time s  iterations  time ms      cost  violation  multiplier"
         )?;
     }
     let (mut paper_s, mut ours_s) = (0.0, 0.0);
@@ -210,18 +225,19 @@ fn table(arguments: &Arguments, robot: &robot::Robot) -> Result<()> {
                 best = Some(plan);
             }
         }
-        let solver = best.expect("planned at least once").gait.solver;
+        let gait = best.expect("planned at least once").gait;
+        let solver = &gait.solver;
         if arguments.json {
             output::json(&serde_json::json!({
                 "gait": row.behaviour, "steps_per_s": row.frequency_hz, "clearance_m": row.clearance_m,
                 "speed_m_s": row.speed_m_s, "paper_iterations": row.iterations, "paper_time_s": row.time_s,
                 "iterations": solver.iterations, "time_s": solver.solve_time_s, "cost": solver.objective,
-                "violation": solver.max_violation,
+                "violation": solver.max_violation, "certificate": gait.certificate,
             }))?;
             continue;
         }
         say!(
-            "{:8} {:>8} {:>12} {:>10} {:>11} {:>7} {:>11} {:>8.2} {:>9.6} {:>10.1e}",
+            "{:8} {:>8} {:>12} {:>10} {:>11} {:>7} {:>11} {:>8.2} {:>9.6} {:>10.1e} {:>11}",
             row.behaviour,
             row.frequency_hz,
             row.clearance_m,
@@ -231,7 +247,8 @@ fn table(arguments: &Arguments, robot: &robot::Robot) -> Result<()> {
             solver.iterations,
             1e3 * solver.solve_time_s,
             solver.objective,
-            solver.max_violation
+            solver.max_violation,
+            multiplier(&gait)
         )?;
         paper_s += row.time_s / 5.0;
         ours_s += solver.solve_time_s / 5.0;
@@ -249,6 +266,13 @@ fn table(arguments: &Arguments, robot: &robot::Robot) -> Result<()> {
 }
 
 impl Arguments {
+    /// What is left to the planner, where it is to choose.
+    fn open(&self) -> Option<Open> {
+        let timing = [self.step_duration, self.step_frequency, self.stride_frequency];
+        let open = Open { step_duration: timing.iter().all(Option::is_none), half_width: self.half_width.is_none() };
+        self.stable.then_some(open)
+    }
+
     fn request(&self, name: &str, robot: &robot::Robot) -> Result<GaitRequest> {
         let mut request = GaitRequest::named(name, robot)?;
         let duration = [
@@ -284,7 +308,7 @@ fn timed(robot: &robot::Robot, request: &GaitRequest, arguments: &Arguments, ver
     let start = Instant::now();
     let progress = Progress::begin(&format!("planning {}", request.behaviour));
     let mut unwritable = None;
-    let report = |i: &nlp::Iteration| {
+    let mut report = |i: &nlp::Iteration| {
         progress.say(format!("iteration {}, violation {:.1e}", i.number, i.max_violation));
         if !verbose {
             return ControlFlow::Continue(());
@@ -303,6 +327,8 @@ fn timed(robot: &robot::Robot, request: &GaitRequest, arguments: &Arguments, ver
     };
     let mut options = PlanOptions { reference: arguments.reference.into(), ..PlanOptions::default() };
     options.program.points = arguments.points;
+    let chosen = arguments.open().and_then(|open| gait_design::choose(robot, request, open, &options, &mut report));
+    let request = chosen.as_ref().unwrap_or(request);
     let planned = gait_design::plan_or_nearest(robot, request, &options, report, || start.elapsed() < SEARCH_LIMIT);
     if let Some(unwritable) = unwritable {
         return Err(unwritable.into());

@@ -39,6 +39,12 @@ fn json_lines(text: &str) -> Vec<Value> {
     text.lines().map(|line| serde_json::from_str(line).unwrap()).collect()
 }
 
+/// Width and duration were left open: others than the robot's own are chosen.
+fn is_called_stable(place: &Place, line: &str) {
+    let gait = json_lines(&place.succeeds(&format!("{line} --json"))).remove(0);
+    assert!(gait["certificate"]["stable"] == true && gait["half_width_m"] != 0.25, "{gait}");
+}
+
 /// Tries one; what is needed for it is there. False if nobody knows what it must do.
 fn does_what_it_says(place: &Place, line: &str) -> bool {
     let there = |file: &str| place.path().join(file).exists();
@@ -54,6 +60,7 @@ fn does_what_it_says(place: &Place, line: &str) -> bool {
         "tandem plan amble --speed 0.5 --step-duration 0.35" | "tandem plan gait1 --clearance 0.08 --height 0.52" => {
             assert!(place.succeeds(line).contains("not written: give -o FILE"));
         }
+        "tandem plan amble --speed 0.4 --stable" => is_called_stable(place, line),
         "tandem plan all -o gaits" => {
             place.succeeds(line);
             assert_eq!(std::fs::read_dir(place.path().join("gaits")).unwrap().count(), 5);

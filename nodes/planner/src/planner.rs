@@ -41,12 +41,17 @@ impl Planner {
         go_on: impl Fn() -> bool,
         mut progress: impl FnMut(&Iteration, Duration) -> ControlFlow<()>,
     ) -> (GenerateGaitResponse, Option<Gait>) {
-        let (request, reference) = match ports::request(message, &self.robot) {
-            Ok(request) => request,
+        let ports::Asked { request, reference, points, open } = match ports::request(message, &self.robot) {
+            Ok(asked) => asked,
             Err(problem) => return (ports::failure(ports::INVALID_REQUEST, problem), None),
         };
-        let options = PlanOptions { reference, ..PlanOptions::default() };
+        let mut options = PlanOptions { reference, ..PlanOptions::default() };
+        options.program.points = points;
         let start = Instant::now();
+        let request = match open.and_then(|open| self.choose(&request, open, &options, &go_on)) {
+            Some(chosen) => chosen,
+            None => request,
+        };
         let mut stopped = false;
         let result = self.plan(&request, &options, |iteration| {
             let flow = progress(iteration, start.elapsed());
@@ -97,6 +102,26 @@ impl Planner {
         let mut plan = planned?;
         plan.gait.solver.solve_time_s = start.elapsed().as_secs_f64();
         Ok(plan.gait)
+    }
+
+    /// The request with its open values chosen, the best of those tried within half the time limit, or nothing where
+    /// none can be planned.
+    fn choose(
+        &self,
+        request: &GaitRequest,
+        open: gait_design::Open,
+        options: &PlanOptions,
+        go_on: impl Fn() -> bool,
+    ) -> Option<GaitRequest> {
+        let start = Instant::now();
+        let within = |_: &Iteration| {
+            if go_on() && start.elapsed() < self.time_limit / 2 {
+                ControlFlow::Continue(())
+            } else {
+                ControlFlow::Break(())
+            }
+        };
+        gait_design::choose(&self.robot, request, open, options, within)
     }
 
     /// The nearest request that can be planned. The search may take as long as a solve.
@@ -205,6 +230,23 @@ mod tests {
         let (out_of_range, _) = ask(|m| m.torque_limit_nm = vec![50.0, 50.0, 2000.0]);
         assert_eq!(out_of_range.status, ports::INVALID_REQUEST);
         assert_eq!(out_of_range.binding_constraints, ["torque_limit_nm[knee]"]);
+    }
+
+    #[test]
+    fn a_stable_gait_is_chosen_where_width_and_duration_are_open() {
+        let certificate =
+            |gait: Option<Gait>| gait.expect("a gait").to_gait().unwrap().certificate.expect("is certified");
+        let (own, gait) = ask(|_| {});
+        let before = certificate(gait);
+        assert!(!own.stable && own.points == 11 && own.largest_multiplier == before.largest_multiplier);
+        let (stable, gait) = ask(|m| m.stable = true);
+        let after = certificate(gait);
+        assert!(stable.stable && after.stable && stable.message.contains("stable by itself"), "{}", stable.message);
+        assert!(stable.largest_multiplier < 0.9 && stable.largest_multiplier < before.largest_multiplier);
+        let (fine, gait) = ask(|m| m.points = 21);
+        assert_eq!((fine.points, certificate(gait).points), (21, 21));
+        let (refused, _) = ask(|m| m.points = 12);
+        assert!(refused.message.contains("points is 12, expected an odd number"), "{}", refused.message);
     }
 
     #[test]

@@ -1,7 +1,7 @@
 //! Messages to and from the planner's own types: the one place where the two meet.
 
 use gait_design::{
-    GaitRequest, Nearest, PlanError, Reference, RequestError, step_duration_from_step_frequency,
+    GaitRequest, Nearest, Open, PlanError, ProgramSettings, Reference, RequestError, step_duration_from_step_frequency,
     step_duration_from_stride_frequency,
 };
 use robot::Robot;
@@ -21,12 +21,24 @@ const REFERENCES: [(&str, Reference); 3] = [
     ("in_program", Reference::InProgram),
 ];
 
-/// The complete request, and what the tracking law is to follow: the behaviour's and the robot's own values where the message gives
-/// none.
+/// What a message asks for.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Asked {
+    /// The complete request.
+    pub request: GaitRequest,
+    /// What the tracking law is to follow.
+    pub reference: Reference,
+    /// Points of the program.
+    pub points: usize,
+    /// What is left to the planner, where it is to choose.
+    pub open: Option<Open>,
+}
+
+/// What a message asks for: the behaviour's and the robot's own values where it gives none.
 ///
 /// # Errors
 /// One sentence for people that names the field, its value and what was expected.
-pub fn request(message: &GenerateGaitRequest, robot: &Robot) -> Result<(GaitRequest, Reference), String> {
+pub fn request(message: &GenerateGaitRequest, robot: &Robot) -> Result<Asked, String> {
     let mut request = GaitRequest::named(&message.behaviour, robot).map_err(|error| error.to_string())?;
     let given = |field: &str, value: &Optional<f64>| value.value().map_err(|error| format!("{field}: {error}"));
     let rates = [
@@ -75,7 +87,16 @@ pub fn request(message: &GenerateGaitRequest, robot: &Robot) -> Result<(GaitRequ
             ));
         }
     }
-    Ok((request, reference(&message.reference)?))
+    let open = Open { step_duration: named.is_empty(), half_width: message.half_width_m.0.is_empty() };
+    Ok(Asked {
+        request,
+        reference: reference(&message.reference)?,
+        points: match message.points {
+            0 => ProgramSettings::default().points,
+            points => points as usize,
+        },
+        open: message.stable.then_some(open),
+    })
 }
 
 fn reference(name: &str) -> Result<Reference, String> {
@@ -94,11 +115,23 @@ pub fn success(gait: &Gait) -> GenerateGaitResponse {
     GenerateGaitResponse {
         success: true,
         status: gait.solver.status.clone(),
-        message: format!("{}: {} iterations in {:.3} s", gait.name, gait.solver.iterations, gait.solver.solve_time_s),
+        message: format!(
+            "{}: {} iterations in {:.3} s, {} points, largest multiplier {:.3}{}",
+            gait.name,
+            gait.solver.iterations,
+            gait.solver.solve_time_s,
+            gait.points,
+            gait.largest_multiplier,
+            if gait.stable { ", stable by itself" } else { "" }
+        ),
         gait: gait.name.clone(),
         step_duration_s: gait.step_duration_s,
         step_length_m: gait.step_length_m,
         solver: gait.solver.clone(),
+        points: gait.points,
+        largest_multiplier: gait.largest_multiplier,
+        landing_run_m: gait.landing_run_m,
+        stable: gait.stable,
         ..Default::default()
     }
 }
@@ -119,7 +152,9 @@ pub fn plan_error(error: &PlanError, solve_time_s: f64) -> GenerateGaitResponse 
         PlanError::Unverified(_) => "unverified".to_string(),
         PlanError::Gait(_) => "unwalkable".to_string(),
         // The robot's description or the program itself is at fault, not the request.
-        PlanError::Robot(_) | PlanError::Problem(_) | PlanError::Settings(_) => "internal_error".to_string(),
+        PlanError::Robot(_) | PlanError::Problem(_) | PlanError::Settings(_) | PlanError::Certificate(_) => {
+            "internal_error".to_string()
+        }
     };
     let mut response = failure(&status, error.to_string());
     if let PlanError::Request(RequestError::OutOfRange { field, .. }) = error {
@@ -192,7 +227,8 @@ mod tests {
     fn an_empty_request_is_the_behaviours_own() {
         let robot = robot();
         let amble = request(&message("amble"), &robot).unwrap();
-        assert_eq!(amble, (GaitRequest::named("amble", &robot).unwrap(), Reference::Compensated));
+        let own = GaitRequest::named("amble", &robot).unwrap();
+        assert_eq!(amble, Asked { request: own, reference: Reference::Compensated, points: 11, open: None });
     }
 
     #[test]
@@ -210,6 +246,8 @@ mod tests {
         m.friction = Some(0.5).into();
         m.torque_limit_nm = vec![41.0, 42.0, 43.0];
         m.reference = "in_program".into();
+        m.points = 21;
+        m.stable = true;
         // Every field by name: a new one is noticed here.
         let expected = GaitRequest {
             behaviour: "gait1".into(),
@@ -225,10 +263,14 @@ mod tests {
             friction: 0.5,
             torque_limit_nm: [41.0, 42.0, 43.0],
         };
-        assert_eq!(request(&m, &robot()).unwrap(), (expected, Reference::InProgram));
+        let given = Open { step_duration: false, half_width: false };
+        let expected = Asked { request: expected, reference: Reference::InProgram, points: 21, open: Some(given) };
+        assert_eq!(request(&m, &robot()).unwrap(), expected);
+        m.half_width_m = None.into();
+        assert_eq!(request(&m, &robot()).unwrap().open, Some(Open { step_duration: false, half_width: true }));
         let mut m = message("gait1");
         m.stride_frequency_hz = Some(2.5).into();
-        assert_eq!(request(&m, &robot()).unwrap().0.step_duration_s, 0.2);
+        assert_eq!(request(&m, &robot()).unwrap().request.step_duration_s, 0.2);
     }
 
     #[test]

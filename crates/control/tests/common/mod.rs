@@ -106,6 +106,7 @@ pub fn gait_at(name: &str, posture: [f64; 3], step_duration_s: f64) -> Gait {
         kd: [5.0; JOINTS],
         torque_limit_nm: [50.0; JOINTS],
         request: serde_json::json!({}),
+        certificate: None,
         solver: SolverSummary {
             status: "converged".into(),
             iterations: 12,

@@ -1,6 +1,7 @@
 //! A plan by the full-order program.
 
 use super::{COEFFICIENTS, FullOrderProgram, SHARED, start};
+use crate::certificate::certificate;
 use crate::planner::check_points;
 use crate::refine::finer_grid;
 use crate::request::GaitRequest;
@@ -9,7 +10,7 @@ use crate::{
     not_converged, on_slope, program_with_offset, recompose, summary,
 };
 use gait::{Coefficients, Gait, JOINTS, SecondStep};
-use nlp::{Iteration, NullSpace, SqpSolver, Status, Workspace};
+use nlp::{Iteration, NullSpace, SqpSolver, Workspace};
 use robot::Robot;
 use std::ops::ControlFlow;
 
@@ -103,7 +104,7 @@ fn plan_on_grid(
             solver.solve_with(&mut program, &mut subproblem, &start, &mut Workspace::default(), progress)?
         }
     };
-    if solution.status != Status::Converged {
+    if !solution.status.is_solution() {
         return Err(not_converged(solution));
     }
     let t = solution.x[layout.t()];
@@ -133,6 +134,7 @@ fn plan_on_grid(
     };
     let mut gait = recompose::gait(robot, joints, t, request, &points, summary, second_step)?;
     gait.reference_coefficients_rad = reference;
+    gait.certificate = certificate(robot, &gait, options.reference, [&points, &second_points])?;
     if alike {
         return Ok((
             Plan { gait, points, second_points, warm_start: WarmStart(Vec::new()), log: solution.log },

@@ -132,6 +132,28 @@ fn a_linear_tail_is_extrapolated() {
     assert!((solution.x[0] - 1.0).abs() < 1e-4 && (solution.x[1] + 2.0).abs() < 1e-4, "{:?}", solution.x);
 }
 
+#[test]
+fn a_tail_that_gains_next_to_nothing_ends_acceptable_and_says_so_and_a_broken_constraint_never_does() {
+    let settings = Settings {
+        acceptable_tolerance: 1e-3,
+        acceptable_iterations: 3,
+        objective_tolerance: 1e-14,
+        ..Settings::default()
+    };
+    let go_on = |_: &Iteration| ControlFlow::Continue(());
+    let solver = SqpSolver::new(settings.clone()).unwrap();
+    let solution = solver.solve(&mut bowl_with_a_cautious_hessian(), &[1.01, -1.99], go_on).unwrap();
+    assert_eq!((solution.status.clone(), solution.iterations()), (Status::Acceptable, 3));
+    assert!(solution.status.is_solution() && solution.status.to_string() == "acceptable");
+    assert!(solution.log.iter().all(|i| i.predicted_decrease <= 1e-3), "{:?}", solution.log);
+    // However little is asked of the objective, the constraints are held as ever.
+    let lax = Settings { acceptable_tolerance: 1e9, acceptable_iterations: 1, ..settings };
+    let solver = SqpSolver::new(lax).unwrap();
+    let solution = solver.solve(&mut hock_schittkowski_71(), &[1.0, 5.0, 5.0, 1.0], go_on).unwrap();
+    assert!(solution.iterations() > 1 && solution.worst.amount <= 1e-6, "{:?}", solution.worst);
+    assert!(SqpSolver::new(Settings { acceptable_iterations: 0, ..Settings::default() }).is_err());
+}
+
 /// Rosenbrock's residuals (10 (y − x²), 1 − x) by Gauss–Newton, kept on the unit circle's inside.
 fn rosenbrock_in_disc() -> Dense {
     Dense::new(

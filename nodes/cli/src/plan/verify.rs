@@ -128,6 +128,7 @@ fn draw_step(
 pub struct Stable {
     map: &'static str,
     stability: gait_design::Stability,
+    certificate: Option<gait::Certificate>,
 }
 
 impl Stable {
@@ -137,7 +138,20 @@ impl Stable {
         let stability = gait_design::stability(&on_slope, &plan.gait, &plan.points, &plan.second_points)
             .with_context(|| format!("cannot linearise {}", request.behaviour))?;
         let map = if plan.second_points.is_empty() { "step-to-step" } else { "stride-to-stride" };
-        Ok(Stable { map, stability })
+        Ok(Stable { map, stability, certificate: plan.gait.certificate })
+    }
+
+    /// What the certificate says.
+    fn word(&self) -> String {
+        match &self.certificate {
+            None => "no certificate: the law does not give the planned torques".into(),
+            Some(c) if c.stable => "stable".into(),
+            Some(c) if c.largest_multiplier < 1.0 => format!(
+                "not called stable: a swing toe skims the floor for {:.3} m before it lands, and touchdown by the clock cannot be had",
+                c.landing_run_m
+            ),
+            Some(_) => "not stable by itself: early touchdown has to catch it".into(),
+        }
     }
 
     /// A line for a person.
@@ -149,7 +163,7 @@ impl Stable {
             "         {} map, rigid touchdown by the clock: largest multiplier {:.3} ({}): {}; x, y{} {}\n",
             self.map,
             s.spectral_radius(),
-            if s.is_stable() { "stable" } else { "not stable by itself: early touchdown has to catch it" },
+            self.word(),
             show(&s.multipliers[..6]),
             if s.neutral.len() == 3 { ", yaw" } else { "" },
             show(&s.neutral)
@@ -161,7 +175,8 @@ impl Stable {
         let s = &self.stability;
         let parts = |m: &[Complex]| m.iter().map(|m| [m.re, m.im]).collect::<Vec<_>>();
         json!({
-            "map": self.map, "spectral_radius": s.spectral_radius(), "stable": s.is_stable(),
+            "map": self.map, "spectral_radius": s.spectral_radius(), "stable": self.certificate.is_some_and(|c| c.stable),
+            "landing_run_m": self.certificate.map(|c| c.landing_run_m),
             "multipliers": parts(&s.multipliers), "neutral": parts(&s.neutral),
         })
     }

@@ -21,6 +21,14 @@ pub(super) fn summary(robot: &Robot, done: &[Walked]) -> String {
             solver.objective,
             solver.max_violation
         );
+        if let Some(c) = &gait.certificate {
+            text += &format!(
+                "  by itself: largest multiplier {:.3}, landing run {:.3} m: {}\n",
+                c.largest_multiplier,
+                c.landing_run_m,
+                if c.stable { "stable" } else { "not called stable" }
+            );
+        }
         text += &format!(
             "  speed asked {:.3} m/s, got {:.3} m/s ahead and {:.3} m/s to the left, turned {:.1} deg\n",
             gait.speed_m_s(),

@@ -63,7 +63,7 @@ impl Walked {
         let controller = self.controller.as_ref();
         serde_json::json!({
             "gait": self.gait.name,
-            "plan": self.gait.solver,
+            "plan": self.gait.solver, "certificate": self.gait.certificate,
             "upright": self.outcome.upright(),
             "outcome": self.outcome.to_string(),
             "speed_asked_m_s": self.gait.speed_m_s(),
