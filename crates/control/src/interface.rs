@@ -32,6 +32,19 @@ pub enum Request {
     StartOnGait,
 }
 
+impl Request {
+    /// The requests that need nothing but their name, which names their service and stands in recordings.
+    pub const NAMED: [(&'static str, Self); 7] = [
+        ("arm", Self::Arm),
+        ("disarm", Self::Disarm),
+        ("stand", Self::Stand),
+        ("sit", Self::Sit),
+        ("walk", Self::Walk),
+        ("stop", Self::Stop),
+        ("start_on_gait", Self::StartOnGait),
+    ];
+}
+
 /// All that one step gets to see.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Input<'a> {

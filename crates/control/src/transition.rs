@@ -1,5 +1,7 @@
 //! The robot's day as one pure function: mode × event → mode, or a refusal that says why.
 
+use joints::LEG_LABELS;
+
 /// What the controller is doing.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
 pub enum Mode {
@@ -147,9 +149,8 @@ impl Guards {
 
 /// What people call a joint.
 fn label(joint: usize) -> String {
-    let legs = ["front left", "rear left", "front right", "rear right"];
     let joints = ["hip roll", "hip pitch", "knee"];
-    format!("the {} {}", legs[joint / 3 % 4], joints[joint % 3])
+    format!("the {} {}", LEG_LABELS[joint / 3 % 4], joints[joint % 3])
 }
 
 /// Why a request was refused.

@@ -25,7 +25,7 @@ impl Bench {
         )
         .unwrap();
         let config = Config::for_robot(&robot);
-        let gait = Gait::from_json(include_str!("../../../nodes/sim_bridge/tests/data/amble.json")).unwrap();
+        let gait = Gait::from_json(include_str!("../../../tests/gaits/amble.json")).unwrap();
         Self {
             balance: BalanceConfig::for_robot(&robot).unwrap(),
             gait: PreparedGait::new(&gait, &config).unwrap(),

@@ -44,7 +44,7 @@ struct Bench {
 
 impl Bench {
     fn new(config: Config) -> Self {
-        let gait = Gait::from_json(include_str!("../../../nodes/sim_bridge/tests/data/amble.json")).unwrap();
+        let gait = Gait::from_json(include_str!("../../../tests/gaits/amble.json")).unwrap();
         let now = Duration::from_secs(5);
         let unit = InertialState {
             stamp: now,

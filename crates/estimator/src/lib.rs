@@ -14,10 +14,8 @@ mod config;
 
 pub use config::Config;
 
+use joints::LEGS;
 use nalgebra::{Matrix3, Quaternion, UnitQuaternion, Vector3};
-
-/// Legs of the robot.
-pub const LEGS: usize = 4;
 
 /// What the inertial unit measured, in the base's axes at its origin.
 #[derive(Clone, Copy, Debug, PartialEq, serde::Serialize, serde::Deserialize)]

@@ -19,7 +19,7 @@ mod file;
 pub use bezier::Coefficients;
 pub use certificate::Certificate;
 pub use file::{FILE_FORMAT, FILE_VERSION, FILE_VERSION_TWO_STEPS, MAX_FILE_BYTES};
-pub use joints::{JOINTS, JOINTS_PER_LEG, LEGS};
+pub use joints::{JOINTS, JOINTS_PER_LEG, LEG_LABELS, LEG_NAMES, LEGS};
 
 /// Which of the two steps of a stride.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

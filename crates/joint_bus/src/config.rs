@@ -126,7 +126,7 @@ impl File {
     /// What goes with every command to a drive whose torques have this range.
     fn limits(&self, range_nm: f64) -> Result<DriveLimits, BusConfigError> {
         let refuse = |key: &str, problem: String| Err(BusConfigError::Value { key: key.into(), problem });
-        if self.protocol == ProtocolName::Mit {
+        if !self.protocol.carries_limits() {
             return match self.limits {
                 Some(_) => refuse("limits", "are given, mit frames have no room for them: set the drives up".into()),
                 None => Ok(DriveLimits::default()),
@@ -177,11 +177,7 @@ impl BusConfig {
                 format!("has {} entries, expected 1 to {JOINTS}", file.interfaces.len()),
             );
         }
-        // An identifier of 11 bits; a register frame has 7 for it.
-        let highest = match file.protocol {
-            ProtocolName::Mit => 0x7ff,
-            ProtocolName::Registers => 0x7f,
-        };
+        let highest = file.protocol.largest_host_id();
         if file.host_id > highest {
             return refuse("host_id".into(), format!("is {}, expected 0 to {highest}", file.host_id));
         }

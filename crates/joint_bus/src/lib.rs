@@ -37,6 +37,8 @@ mod contract;
 #[cfg(feature = "std")]
 mod drive_bus;
 #[cfg(feature = "std")]
+mod drive_protocol;
+#[cfg(feature = "std")]
 mod faulty;
 #[cfg(feature = "std")]
 mod link;
@@ -46,8 +48,6 @@ pub mod memory;
 mod readings;
 #[cfg(feature = "std")]
 mod reply_balance;
-#[cfg(feature = "std")]
-mod speech;
 
 #[cfg(feature = "std")]
 pub use can_lock::{CanLock, CanLockError};
@@ -58,10 +58,10 @@ pub use contract::{ContractBench, check_contract};
 #[cfg(feature = "std")]
 pub use drive_bus::{BusHealth, DriveBus, JointBus, LinkHealth};
 #[cfg(feature = "std")]
+pub use drive_protocol::DriveProtocol;
+#[cfg(feature = "std")]
 pub use faulty::{Faults, Faulty};
 #[cfg(feature = "std")]
 pub use link::{Incoming, Link, LinkError};
 #[cfg(feature = "std")]
 pub use readings::Readings;
-#[cfg(feature = "std")]
-pub use speech::Speech;

@@ -24,6 +24,10 @@ pub const LEGS: usize = 4;
 pub const JOINTS_PER_LEG: usize = 3;
 /// Actuated joints in all.
 pub const JOINTS: usize = LEGS * JOINTS_PER_LEG;
+/// The legs in topics and files.
+pub const LEG_NAMES: [&str; LEGS] = ["front_left", "rear_left", "front_right", "rear_right"];
+/// The legs for people.
+pub const LEG_LABELS: [&str; LEGS] = ["front left", "rear left", "front right", "rear right"];
 
 pub use command::{CommandRange, JointCommand};
 pub use fault::{Fault, FaultReport, FaultSet, Severity};

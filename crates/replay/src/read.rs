@@ -3,7 +3,7 @@
 use std::path::{Path, PathBuf};
 
 use bag::{Bag, BagTopic, from_cdr};
-use gait::{Gait, JOINTS, LEGS};
+use gait::{Gait, JOINTS, LEG_NAMES, LEGS};
 use report::Sample;
 use run_recorder::{Continuity, names};
 use tandem_msgs::ControllerState;
@@ -14,9 +14,6 @@ use tandem_msgs::sensor_msgs::JointState;
 use crate::ReplayError;
 use crate::continuity::cycle_time;
 use crate::cycle::control_cycle;
-
-/// The legs' names in the topics of ground forces, in the project's order.
-pub(crate) const LEG_NAMES: [&str; LEGS] = ["front_left", "rear_left", "front_right", "rear_right"];
 
 /// A time between two cycles that is worth telling: an overrun on CAN (docs/safety.md).
 const HOLE: std::time::Duration = std::time::Duration::from_millis(10);

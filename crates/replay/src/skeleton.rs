@@ -1,11 +1,10 @@
 //! The robot's shape over time, from its recorded description.
 
-use gait::LEGS;
+use gait::{LEG_NAMES, LEGS};
 use report::{Sample, Skeleton};
 use rigid_body::{Data, FrameId, Model, forward_kinematics, frame_position};
 
 use crate::BehaviourRun;
-use crate::read::LEG_NAMES;
 
 /// Frames a second: a film's.
 const STEP_S: f64 = 0.02;

@@ -2,7 +2,7 @@
 
 use std::ops::Range;
 
-use gait::{JOINTS_PER_LEG, LEGS, StepSide};
+use gait::{JOINTS_PER_LEG, LEG_LABELS, LEGS, StepSide};
 use plotters::coord::types::RangedCoordf64;
 use plotters::prelude::*;
 use plotters::style::text_anchor::{HPos, Pos, VPos};
@@ -13,7 +13,6 @@ use crate::{Origin, ReportError, mean_absolute_torque_nm, mean_forward_speed_m_s
 
 pub(crate) const JOINT_TYPES: [&str; JOINTS_PER_LEG] = ["hip roll", "hip pitch", "knee"];
 pub(crate) const JOINT_COLOURS: [RGBColor; JOINTS_PER_LEG] = [BLUE, ORANGE, GREEN];
-pub(crate) const LEG_NAMES: [&str; LEGS] = ["front left", "rear left", "front right", "rear right"];
 
 pub(crate) type Chart<'a, 'b> = ChartContext<'a, BitMapBackend<'b>, Cartesian2d<RangedCoordf64, RangedCoordf64>>;
 
@@ -285,7 +284,7 @@ pub fn footfalls(run: &Run) -> Result<Image, ReportError> {
         let leg_name = |y: &f64| -> String {
             let row = y.round();
             if (y - row).abs() < 1e-6 && (0.0..4.0).contains(&row) {
-                LEG_NAMES[3 - row as usize].into()
+                LEG_LABELS[3 - row as usize].into()
             } else {
                 String::new()
             }

@@ -1,11 +1,11 @@
 //! A plan's step beside the same step simulated with the full-order model (the paper's Fig. "bi2quad").
 
-use gait::{JOINTS, JOINTS_PER_LEG, LEGS};
+use gait::{JOINTS, JOINTS_PER_LEG, LEG_LABELS, LEGS};
 use plotters::prelude::*;
 
 use crate::ReportError;
 use crate::canvas::{BLUE, Image, ORANGE, draw, drawing, px};
-use crate::figures::{JOINT_COLOURS, JOINT_TYPES, LEG_NAMES, Labels, at_least, chart, heading, line, padded};
+use crate::figures::{JOINT_COLOURS, JOINT_TYPES, Labels, at_least, chart, heading, line, padded};
 
 /// Joints and ground forces at one instant.
 #[derive(Clone, Debug, PartialEq)]
@@ -63,7 +63,7 @@ pub fn planned_step(step: &PlannedStep) -> Result<Image, ReportError> {
                 0.0..end,
                 at_least(padded(values), 0.1),
                 Labels {
-                    title: &format!("{} ({stands})", LEG_NAMES[leg]),
+                    title: &format!("{} ({stands})", LEG_LABELS[leg]),
                     x: "time (s)",
                     y: "joint (rad)",
                     ..Labels::default()
@@ -92,7 +92,7 @@ pub fn planned_step(step: &PlannedStep) -> Result<Image, ReportError> {
             dots(&mut chart, &course(step.planned), colour)?;
         }
         let legs: Vec<(&str, RGBColor)> =
-            step.stance_legs.into_iter().zip(FORCE_COLOURS).map(|(leg, colour)| (LEG_NAMES[leg], colour)).collect();
+            step.stance_legs.into_iter().zip(FORCE_COLOURS).map(|(leg, colour)| (LEG_LABELS[leg], colour)).collect();
         crate::figures::panel_legend(&panels[LEGS], &legs)
     })
 }

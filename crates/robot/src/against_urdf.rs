@@ -1,5 +1,6 @@
 //! What robot.toml says against what the URDF says: limits, places of the legs, the standing posture.
 
+use joints::LEG_NAMES;
 use rigid_body::{Data, Description, forward_kinematics, frame_position};
 use urdf_rs::JointType;
 
@@ -152,7 +153,6 @@ fn standing_toes(robot: &Robot) -> [[f64; 3]; 4] {
 
 /// Each leg stands where its number says.
 pub(crate) fn check_places(robot: &Robot) -> Result<(), RobotError> {
-    const PLACES: [&str; 4] = ["front_left", "rear_left", "front_right", "rear_right"];
     let toes = standing_toes(robot);
     for (number, [x_m, y_m, _]) in toes.into_iter().enumerate() {
         let (left, front) = (number < 2, number % 2 == 0);
@@ -166,7 +166,7 @@ pub(crate) fn check_places(robot: &Robot) -> Result<(), RobotError> {
         };
         let (leg, toe) = (&robot.legs[number], robot.model.frame_name(robot.legs[number].toe));
         let (leg, toe) = (leg.name.clone(), toe.to_owned());
-        return Err(RobotError::WrongPlace { place: PLACES[number], found, number, leg, toe, x_m, y_m });
+        return Err(RobotError::WrongPlace { place: LEG_NAMES[number], found, number, leg, toe, x_m, y_m });
     }
     Ok(())
 }

@@ -157,7 +157,7 @@ fn head(
 
 fn leg_text(leg: usize, found: &Found, postures: &Postures) -> String {
     let about = &found.legs[leg];
-    let name = ["front_left", "rear_left", "front_right", "rear_right"][leg];
+    let name = joints::LEG_NAMES[leg];
     format!(
         "\n[[legs]]\nname = \"{name}\"\njoints = {:?}\ntoe_link = {:?}\nposition_min_rad = {}\nposition_max_rad = {}\nstand_rad = {}\nsit_rad = {}\n",
         about.joints,

@@ -28,23 +28,15 @@ pub fn is(topic: &str, name: &str) -> bool {
     topic == name || topic.strip_suffix(name).is_some_and(|front| front.ends_with('/'))
 }
 
-const PLAIN: [(&str, Request); 7] = [
-    ("arm", Request::Arm),
-    ("disarm", Request::Disarm),
-    ("stand", Request::Stand),
-    ("sit", Request::Sit),
-    ("walk", Request::Walk),
-    ("stop", Request::Stop),
-    ("start_on_gait", Request::StartOnGait),
-];
-
 const CLEAR_FAULT: &str = "clear_fault";
 
 /// What a request is called in a recorded cycle.
 pub fn request_word(request: &Request) -> String {
     match request {
         Request::ClearFault(fault) => format!("{CLEAR_FAULT} {}", fault.name()),
-        other => PLAIN.iter().find(|(_, plain)| plain == other).map_or(String::new(), |(word, _)| (*word).into()),
+        other => {
+            Request::NAMED.iter().find(|(_, plain)| plain == other).map_or(String::new(), |(word, _)| (*word).into())
+        }
     }
 }
 
@@ -53,7 +45,7 @@ pub fn request_of(word: &str) -> Option<Request> {
     if let Some(fault) = word.strip_prefix(CLEAR_FAULT) {
         return Fault::from_name(fault.trim_start()).map(Request::ClearFault);
     }
-    PLAIN.iter().find(|(plain, _)| *plain == word).map(|(_, request)| *request)
+    Request::NAMED.iter().find(|(plain, _)| *plain == word).map(|(_, request)| *request)
 }
 
 #[cfg(test)]
@@ -63,7 +55,7 @@ mod tests {
     #[test]
     fn every_request_has_a_word_of_its_own() {
         let faults = Fault::ALL.into_iter().map(Request::ClearFault);
-        for request in PLAIN.into_iter().map(|(_, request)| request).chain(faults) {
+        for request in Request::NAMED.into_iter().map(|(_, request)| request).chain(faults) {
             assert_eq!(request_of(&request_word(&request)), Some(request));
         }
         assert_eq!(request_of("dance"), None);

@@ -2,7 +2,7 @@
 //! talks to where there is no robot. They take the frames and the wiring file that are meant for the robot.
 
 use control::JOINTS;
-pub use joint_bus::Speech;
+pub use joint_bus::DriveProtocol;
 use joint_bus::{BusConfig, DriveModel, EmulatedDrive, Incoming, Link, LinkError};
 use std::time::Duration;
 
@@ -17,7 +17,7 @@ struct End {
 
 /// The drives and their ends of the buses.
 pub struct DriveBench {
-    speech: Speech,
+    protocol: DriveProtocol,
     config: BusConfig,
     drives: [EmulatedDrive; JOINTS],
     ends: Vec<End>,
@@ -38,7 +38,7 @@ impl DriveBench {
             EmulatedDrive::new(joint.id, joint.ranges, model)
         });
         let ends = links.into_iter().map(|link| End { link, down_until: None }).collect();
-        Self { speech: Speech::of(&config), config, drives, ends, lost_replies: 0 }
+        Self { protocol: DriveProtocol::of(&config), config, drives, ends, lost_replies: 0 }
     }
 
     /// Motor side of joint `j`.
@@ -70,7 +70,7 @@ impl DriveBench {
                 };
                 for j in (0..JOINTS).filter(|j| self.config.joints[*j].interface == n) {
                     let (motor_q, motor_v) = self.motor(j, q[j], v[j]);
-                    let Some(reply) = self.drives[j].receive(&self.speech, &frame, now, motor_q, motor_v) else {
+                    let Some(reply) = self.drives[j].receive(&self.protocol, &frame, now, motor_q, motor_v) else {
                         continue;
                     };
                     if self.ends[n].link.send(&reply, now).is_err() {

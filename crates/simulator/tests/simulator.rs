@@ -14,7 +14,7 @@ fn vision60() -> Robot {
 }
 
 fn amble() -> Gait {
-    Gait::from_json(include_str!("../../../nodes/sim_bridge/tests/data/amble.json")).unwrap()
+    Gait::from_json(include_str!("../../../tests/gaits/amble.json")).unwrap()
 }
 
 fn simulator(options: SimulatorOptions) -> Simulator {

@@ -11,7 +11,7 @@ use anyhow::{Context, Result};
 use joint_bus::can::CanLink;
 use joint_bus::{BusConfig, CanLock, CanLockError, DriveBus};
 use realtime::{Periodic, RealtimeRequest, monotonic_now};
-use simulator::drives::Speech;
+use simulator::drives::DriveProtocol;
 use std::path::PathBuf;
 use std::process::ExitCode;
 use std::time::Duration;
@@ -222,7 +222,7 @@ fn look(arguments: &Arguments, bus: &BusConfig) -> Result<Looked> {
                 let seen = links.map(|ours| {
                     let (links, _locks) = ours?;
                     let wiring = BusConfig { ask_before_arming: true, ..bus.clone() };
-                    Some(drives::ask(&mut DriveBus::new(wiring, Speech::of(bus), links), cycles, &mut wait))
+                    Some(drives::ask(&mut DriveBus::new(wiring, DriveProtocol::of(bus), links), cycles, &mut wait))
                 });
                 // The loop's pace is measured all the same.
                 if !matches!(seen, Ok(Some(_))) {

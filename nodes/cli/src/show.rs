@@ -349,7 +349,7 @@ mod tests {
         let robot =
             Robot::load(std::path::Path::new(concat!(env!("CARGO_MANIFEST_DIR"), "/../../config/robots/vision60")))
                 .unwrap();
-        let text = include_str!("../../sim_bridge/tests/data/amble.json");
+        let text = include_str!("../../../tests/gaits/amble.json");
         let gait = Gait::from_json(text).unwrap();
         let mut shapes = Shapes::new(robot).unwrap();
         assert!(shapes.picture(&Heard::default()).is_none(), "nothing was heard");

@@ -153,7 +153,7 @@ fn relative_paths_are_searched_alike_for_every_option() {
     for line in [
         "tandem simulate amble.json --seconds 0.2 --robot config/robots/vision60",
         "tandem simulate amble.json --seconds 0.2 --robot vision60 --bus config/hardware/vision60_can.toml",
-        "tandem simulate nodes/sim_bridge/tests/data/amble.json --seconds 0.2",
+        "tandem simulate tests/gaits/amble.json --seconds 0.2",
         "tandem robot check config/robots/vision60",
         "tandem doctor --seconds 0.1 --bus config/hardware/vision60_can.toml; test $? -le 1",
     ] {

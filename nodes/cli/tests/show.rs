@@ -92,7 +92,7 @@ fn show_beside_running_nodes_publishes_frames_markers_and_the_description() {
     let markers = hear::<MarkerArray>(&node, "markers", Qos::reliable(10));
     let descriptions = hear::<Text>(&node, "robot_description", Qos::latched());
     let sensor = Qos::best_effort(1);
-    let gait = Gait::from_json(include_str!("../../sim_bridge/tests/data/amble.json")).unwrap();
+    let gait = Gait::from_json(include_str!("../../../tests/gaits/amble.json")).unwrap();
     let latched = node.publisher::<tandem_msgs::Gait>("gait", Qos::latched()).unwrap();
     latched.publish(tandem_msgs::Gait::from_gait(&gait)).unwrap();
     let vision60 = robot::Robot::load(&root().join("config/robots/vision60")).unwrap();

@@ -249,14 +249,8 @@ impl Desk {
             }
         })?;
         self.open_emergency_stop(node)?;
-        for (service, request) in [
-            ("arm", Request::Arm),
-            ("disarm", Request::Disarm),
-            ("stand", Request::Stand),
-            ("sit", Request::Sit),
-            ("walk", Request::Walk),
-            ("stop", Request::Stop),
-        ] {
+        // No service starts on the gait: the parameter simulation_start_on_gait does.
+        for (service, request) in Request::NAMED.into_iter().filter(|(_, request)| *request != Request::StartOnGait) {
             let desk = Arc::clone(self);
             node.serve::<Trigger>(service, move |_| {
                 let (success, message) = desk.ask(request);

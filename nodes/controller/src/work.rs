@@ -16,7 +16,7 @@ use crate::tape::{self, Recording, Subject};
 use anyhow::Context as _;
 use control::{Controller, Mode};
 use joint_bus::can::CanLink;
-use joint_bus::{BusConfig, CanLock, DriveBus, Speech};
+use joint_bus::{BusConfig, CanLock, DriveBus, DriveProtocol};
 use realtime::{Warning, monotonic_now};
 use robot::Robot;
 use ros::{Managed, Node, Qos};
@@ -41,7 +41,7 @@ const LISTEN_FIRST: Duration = Duration::from_millis(200);
 
 /// The robot's drives, and that this process is their master.
 struct Drives {
-    bus: DriveBus<Speech, CanLink>,
+    bus: DriveBus<DriveProtocol, CanLink>,
     locks: Vec<CanLock>,
 }
 
@@ -53,14 +53,14 @@ fn open_bus(file: &Path, robot: &Robot, config: &control::Config) -> anyhow::Res
         .with_context(|| format!("{}", file.display()))?;
     let locks = bus.interfaces.iter().map(|name| CanLock::take(name)).collect::<Result<Vec<_>, _>>()?;
     let links = bus.interfaces.iter().map(|name| CanLink::open(name)).collect::<Result<Vec<_>, _>>()?;
-    let protocol = Speech::of(&bus);
+    let protocol = DriveProtocol::of(&bus);
     let mut bus = DriveBus::new(bus, protocol, links);
     listen_first(&mut bus)?;
     Ok(Drives { bus, locks })
 }
 
 /// Another host's controller holds no lock here: it is heard before anything is said.
-fn listen_first(bus: &mut DriveBus<Speech, CanLink>) -> anyhow::Result<()> {
+fn listen_first(bus: &mut DriveBus<DriveProtocol, CanLink>) -> anyhow::Result<()> {
     let until = monotonic_now() + LISTEN_FIRST;
     while monotonic_now() < until {
         if let Some((interface, joint)) = bus.hear_stranger(monotonic_now()) {

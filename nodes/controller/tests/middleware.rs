@@ -163,7 +163,7 @@ fn walk_and_break(bus: &str, how: &str, timeout: Duration) {
     let node = Node::start("walker", &Arguments::default().with_domain_id(DOMAIN).supervised()).unwrap();
     let root = Path::new(env!("CARGO_MANIFEST_DIR"));
     let robot = Robot::load(&root.join("../../config/robots/vision60")).unwrap();
-    let text = std::fs::read_to_string(root.join("../sim_bridge/tests/data/amble.json")).unwrap();
+    let text = std::fs::read_to_string(root.join("../../tests/gaits/amble.json")).unwrap();
     let gait = Gait::from_json(&text).unwrap();
     let config = Config { simulation_start: true, state_timeout_s: 0.5, overrun_s: 0.5, ..Config::for_robot(&robot) };
     let prepared = PreparedGait::new(&gait, &config).unwrap();

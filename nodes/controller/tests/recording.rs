@@ -37,7 +37,7 @@ impl Bench {
     fn without_writer(record_root: &Path, split_bytes: Option<u64>) -> (Self, Writer) {
         let root = Path::new(env!("CARGO_MANIFEST_DIR"));
         let robot = Robot::load(&root.join("../../config/robots/vision60")).unwrap();
-        let text = std::fs::read_to_string(root.join("../sim_bridge/tests/data/amble.json")).unwrap();
+        let text = std::fs::read_to_string(root.join("../../tests/gaits/amble.json")).unwrap();
         let gait = Gait::from_json(&text).unwrap();
         let config = Config { simulation_start: true, ..Config::for_robot(&robot) };
         let prepared = PreparedGait::new(&gait, &config).unwrap();

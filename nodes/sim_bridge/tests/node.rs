@@ -80,7 +80,7 @@ fn call_pause(node: &Node, paused: bool) {
 
 /// Runs the amble's law against a bridge for `cycles` periods and returns every state.
 fn walk(domain: u16, cycles: usize) -> Vec<JointState> {
-    let gait = Gait::from_json(include_str!("data/amble.json")).unwrap();
+    let gait = Gait::from_json(include_str!("../../../tests/gaits/amble.json")).unwrap();
     let _bridge =
         Bridge::start(domain, &["start_paused:=true", "initial_posture:=stand", "joint_noise_rad:=0.01", "seed:=7"]);
     let node = node("test_controller", domain);

@@ -10,7 +10,7 @@ use tandem_sim_bridge::trial::{Outcome, Trial, run};
 
 fn walked(trial: &Trial) -> Outcome {
     let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../config/robots/vision60");
-    let gait = Gait::from_json(include_str!("data/amble.json")).unwrap();
+    let gait = Gait::from_json(include_str!("../../../tests/gaits/amble.json")).unwrap();
     run(&Robot::load(&folder).unwrap(), None, &gait, trial).unwrap()
 }
 

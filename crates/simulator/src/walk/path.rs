@@ -2,7 +2,7 @@
 
 use super::{WalkError, WalkOptions};
 use crate::Simulator;
-use crate::drives::{DriveBench, Speech};
+use crate::drives::{DriveBench, DriveProtocol};
 use control::{Config, JointCommand, JointState, Output};
 use joint_bus::{BusConfig, DriveBus, JointBus, Link, Readings, memory};
 use std::collections::VecDeque;
@@ -38,7 +38,7 @@ impl Path {
             .unzip();
         // Nobody else is on these links.
         let wiring = BusConfig { ask_before_arming: true, ..drives.bus.clone() };
-        let bus = Box::new(DriveBus::new(wiring, Speech::of(&drives.bus), near));
+        let bus = Box::new(DriveBus::new(wiring, DriveProtocol::of(&drives.bus), near));
         let bench = Box::new(DriveBench::new(drives.bus.clone(), drives.model, far));
         let mut path = Self::Bus { bus, bench, readings: Box::default() };
         path.greet();

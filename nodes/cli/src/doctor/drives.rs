@@ -196,7 +196,7 @@ pub mod tests {
     use joint_bus::memory::{MemoryLink, pair};
     use joint_bus::{DriveBus, DriveModel, Faults, Faulty, Link};
     use robot::Robot;
-    use simulator::drives::{DriveBench, Speech};
+    use simulator::drives::{DriveBench, DriveProtocol};
     use std::path::Path;
 
     fn vision60() -> Robot {
@@ -213,7 +213,7 @@ pub mod tests {
     /// Asks emulated drives that sit, changed by `change`; `q` is where the joints are in cycle n.
     fn examine(
         model: DriveModel,
-        change: impl Fn(&mut DriveBus<Speech, Faulty<MemoryLink>>),
+        change: impl Fn(&mut DriveBus<DriveProtocol, Faulty<MemoryLink>>),
         q: impl Fn(u32, &mut [f64; JOINTS]),
     ) -> Vec<Finding> {
         let (robot, bus) = (vision60(), wiring("mit"));
@@ -223,7 +223,7 @@ pub mod tests {
                 (Faulty::new(near, n), Box::new(far) as Box<dyn Link + Send>)
             })
             .unzip();
-        let mut drives = DriveBus::new(bus.clone(), Speech::of(&bus), near);
+        let mut drives = DriveBus::new(bus.clone(), DriveProtocol::of(&bus), near);
         change(&mut drives);
         let mut bench = DriveBench::new(bus.clone(), model, far);
         let mut n = 0;
@@ -256,7 +256,7 @@ pub mod tests {
             assert_eq!(found[0].verdict, Verdict::Failure);
             assert!(found[0].what.contains(what) && found[0].cure.contains(cure), "{found:?}");
         };
-        let silent = |drives: &mut DriveBus<Speech, Faulty<MemoryLink>>| {
+        let silent = |drives: &mut DriveBus<DriveProtocol, Faulty<MemoryLink>>| {
             drives.link_mut(2).faults = Faults { silence: Some(3), ..Faults::default() };
         };
         only(
@@ -272,7 +272,7 @@ pub mod tests {
         let jumpy = |n: u32, q: &mut [f64; JOINTS]| q[1] += if n.is_multiple_of(97) { 0.1 } else { 0.0 };
         only(examine(DriveModel::default(), |_| {}, jumpy), "front_left_hip_pitch (drive 2 on can0) moves", "encoder");
 
-        let lossy = |drives: &mut DriveBus<Speech, Faulty<MemoryLink>>| {
+        let lossy = |drives: &mut DriveBus<DriveProtocol, Faulty<MemoryLink>>| {
             drives.link_mut(1).faults = Faults { lose: 0.2, ..Faults::default() };
         };
         let found = examine(DriveModel::default(), lossy, sits);
@@ -287,12 +287,12 @@ pub mod tests {
         let burnt = examine(DriveModel { ambient_c: 120.0, ..DriveModel::default() }, |_| {}, sits);
         assert!(burnt.iter().any(|f| f.what.contains("reports error 2")), "{burnt:?}");
 
-        let full = |drives: &mut DriveBus<Speech, Faulty<MemoryLink>>| {
+        let full = |drives: &mut DriveBus<DriveProtocol, Faulty<MemoryLink>>| {
             drives.link_mut(3).faults = Faults { full: true, ..Faults::default() };
         };
         let found = examine(DriveModel::default(), full, sits);
         assert!(found[0].what.contains("queue to the bus full"), "{found:?}");
-        let down = |drives: &mut DriveBus<Speech, Faulty<MemoryLink>>| {
+        let down = |drives: &mut DriveBus<DriveProtocol, Faulty<MemoryLink>>| {
             drives.link_mut(0).faults = Faults { down: true, ..Faults::default() };
         };
         let found = examine(DriveModel::default(), down, sits);
@@ -304,10 +304,10 @@ pub mod tests {
     fn where_a_controller_speaks_the_doctor_keeps_silent() {
         let (robot, bus) = (vision60(), wiring("mit"));
         let (near, mut far): (Vec<_>, Vec<_>) = (0..4).map(|_| pair()).unzip();
-        let mut drives = DriveBus::new(bus.clone(), Speech::of(&bus), near);
+        let mut drives = DriveBus::new(bus.clone(), DriveProtocol::of(&bus), near);
         // A request of another program, as a CAN socket sees it.
         let frame = joint_bus::Protocol::encode_request(
-            &Speech::of(&bus),
+            &DriveProtocol::of(&bus),
             2,
             &bus.joints[0].ranges,
             &joint_bus::DriveRequest::Command(joint_bus::DriveCommand::default()),

@@ -118,7 +118,7 @@ fn whole(name: &str, facts: &Facts, expected: &Expected, bring_up: &str) -> Vec<
     if !facts.up {
         found.push(failure(format!("{name} is down"), bring_up));
     }
-    if expected.protocol == ProtocolName::Registers {
+    if expected.protocol.uses_can_fd() {
         let cure = format!("add to its bit rate: dbitrate {} fd on", expected.data_bit_rate);
         if !facts.carries_fd {
             found.push(failure(format!("{name} carries no CAN FD frames, which these drives speak"), &cure));

@@ -373,7 +373,7 @@ impl Day {
             "drives at rest under a controller that has come back",
             |heard| heard.joints.back().is_some_and(|(_, state)| state.effort.iter().all(|torque| *torque == 0.0)),
         )?;
-        let json = include_str!("../../../sim_bridge/tests/data/amble.json");
+        let json = include_str!("../../../../tests/gaits/amble.json");
         // The one before has ended without a word and is taken for present for a while; a request that only it was
         // there for gets no answer.
         let deadline = monotonic_now() + PATIENCE;
