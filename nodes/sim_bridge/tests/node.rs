@@ -237,9 +237,9 @@ fn listen<M: tandem_msgs::Message + Clone>(node: &Node, topic: &str, qos: Qos) -
 
 #[test]
 fn in_realtime_every_topic_carries_what_it_says() {
-    // A command that waits for a busy machine still holds.
-    let parameters = ["mode:=realtime", "initial_posture:=stand", "push_duration_s:=0.2", "command_timeout_s:=10.0"];
-    let _bridge = Bridge::start(45, &parameters);
+    // The long timeout: a command that waits for a busy machine still holds.
+    let start = ["mode:=realtime", "initial_posture:=stand", "push_duration_s:=0.2", "command_timeout_s:=10.0"];
+    let _bridge = Bridge::start(45, &start);
     let node = node("test_listener", 45);
     let best_effort = Qos::best_effort(1);
     let states = listen::<JointState>(&node, "joint_states", best_effort);
@@ -268,8 +268,7 @@ fn in_realtime_every_topic_carries_what_it_says() {
     };
     let reset = node.client::<Trigger>("reset").unwrap();
     assert!(reset.call(TriggerRequest::default(), PATIENCE).unwrap().success);
-    let (mut begun_ns, mut simulated_ns, mut pushed) = (None, 0, false);
-    let mut stamps = Vec::new();
+    let (mut begun_ns, mut simulated_ns, mut pushed, mut stamps) = (None, 0, false, Vec::new());
     while simulated_ns < 4_000_000_000_i64 {
         let state = states.recv_timeout(PATIENCE).expect("joint states");
         stamps.push(state.header.stamp);
