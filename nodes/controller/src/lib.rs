@@ -4,7 +4,7 @@
 //!
 //! - the **cycle** ([`cycle`]): a thread of its own, real-time where the system grants it, that runs
 //!   [`control::Controller::step`] and nothing else; no lock, no allocation, no logging, no publishing;
-//! - the **desk** ([`desk`]): callbacks and services on the middleware's threads, which turn messages into values, refuse what
+//! - the **services** ([`services`]): callbacks and services on the middleware's threads, which turn messages into values, refuse what
 //!   is wrong with them, and put the rest into the buffers;
 //! - the **tape** ([`tape`]): the thread that records every cycle into a bag, where that is asked for;
 //! - the **press** ([`press`]): a thread that publishes what the cycle said.
@@ -18,7 +18,6 @@
 pub mod config;
 pub mod cycle;
 pub mod dds_bus;
-pub mod desk;
 pub mod drive;
 pub mod emergency_stop;
 pub mod inputs;
@@ -28,5 +27,6 @@ pub mod parameters;
 pub mod ports;
 pub mod press;
 pub mod record_root;
+pub mod services;
 pub mod tape;
 pub mod work;

@@ -2,10 +2,10 @@
 
 use crate::cycle::{Said, Timing};
 use crate::dds_bus::Speaker;
-use crate::desk::Desk;
 use crate::inputs::InputProblems;
 use crate::odometry::{self, Odometer};
 use crate::ports;
+use crate::services::Services;
 use crate::tape::{self, Recording};
 use control::{DampingReason, Fault, FaultReport, JOINTS, Mode};
 use realtime::monotonic_now;
@@ -93,13 +93,13 @@ impl Press {
     }
 
     /// Publishes until `cycle_ended`, and everything that was said until then.
-    pub fn run(mut self, mut said: Consumer<Said>, desk: &Desk, cycle_ended: &AtomicBool) {
+    pub fn run(mut self, mut said: Consumer<Said>, services: &Services, cycle_ended: &AtomicBool) {
         loop {
             self.pulse.beat();
             let ended = cycle_ended.load(Ordering::Acquire);
             self.speak();
             while let Ok(said) = said.pop() {
-                self.print(&said, desk);
+                self.print(&said, services);
                 self.speak();
             }
             if ended {
@@ -116,14 +116,14 @@ impl Press {
         }
     }
 
-    fn print(&mut self, said: &Said, desk: &Desk) {
+    fn print(&mut self, said: &Said, services: &Services) {
         let output = &said.output;
-        desk.set_mode(output.mode);
+        services.set_mode(output.mode);
         for (id, reply) in said.ids.iter().zip(&output.replies) {
             if *id != 0
                 && let Some(reply) = reply
             {
-                desk.reply(*id, *reply);
+                services.reply(*id, *reply);
             }
         }
         if let (Some(port), Some(readings)) = (&self.joint_states, &said.readings)
@@ -301,7 +301,7 @@ pub struct PressRoom {
     /// What the cycle says.
     pub said: Consumer<Said>,
     /// Whom requests' replies go to.
-    pub desk: Arc<Desk>,
+    pub services: Arc<Services>,
     /// Set once the cycle says no more.
     pub cycle_ended: Arc<AtomicBool>,
 }
@@ -309,6 +309,6 @@ pub struct PressRoom {
 impl PressRoom {
     /// Publishes until the cycle has ended.
     pub fn run(self) {
-        self.press.run(self.said, &self.desk, &self.cycle_ended);
+        self.press.run(self.said, &self.services, &self.cycle_ended);
     }
 }

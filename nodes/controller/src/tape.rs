@@ -49,7 +49,7 @@ pub struct TapedCycle {
     sensed: (Option<InertialState>, Option<control::VelocityCommand>),
     requests: [Request; MAX_REQUESTS],
     request_count: usize,
-    /// Number of the gait that arrived, as the desk counts them; 0: none did.
+    /// Number of the gait that arrived, as the services count them; 0: none did.
     gait: u64,
     emergency_stop: bool,
     fault: Option<control::FaultReport>,
@@ -154,7 +154,7 @@ pub struct RecordingStatus {
     pub fault: Option<String>,
 }
 
-/// Gaits that a cycle may still name, by the desk's number. The cycle itself never looks here.
+/// Gaits that a cycle may still name, by the services' number. The cycle itself never looks here.
 type Gaits = Arc<Mutex<BTreeMap<u64, (Gait, PreparedGait)>>>;
 
 enum Order {

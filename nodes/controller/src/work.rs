@@ -5,13 +5,13 @@
 use crate::config::{Pace, Parameters};
 use crate::cycle::{Cycle, Middleware};
 use crate::dds_bus::{CycleClock, DEPTH, DdsBus, Speaker};
-use crate::desk::{Desk, Sensors};
 use crate::drive;
 use crate::emergency_stop::EmergencyStop;
 use crate::inputs::InputProblems;
 use crate::odometry::Odometer;
 use crate::others::OtherSpeakers;
 use crate::press::{self, Press, PressRoom};
+use crate::services::{Sensors, Services};
 use crate::tape::{self, Recording, Subject};
 use anyhow::Context as _;
 use control::{Controller, Mode};
@@ -76,7 +76,7 @@ fn listen_first(bus: &mut DriveBus<DriveProtocol, CanLink>) -> anyhow::Result<()
 /// What runs while the node is configured.
 struct Running {
     node: Node,
-    desk: Arc<Desk>,
+    services: Arc<Services>,
     emergency_stop: Arc<EmergencyStop>,
     others: OtherSpeakers,
     recording: Arc<Recording>,
@@ -165,7 +165,7 @@ impl Work {
         let recording = Arc::new(recording);
         recording.listen(&node, &leg_names)?;
         let problems = Arc::<InputProblems>::default();
-        let desk = Arc::new(Desk::new(
+        let services = Arc::new(Services::new(
             asked_in,
             gaits_in,
             Arc::clone(&recording),
@@ -190,7 +190,7 @@ impl Work {
         {
             tracing::error!("no recording: {reason}");
         }
-        let room = PressRoom { press, said, desk: Arc::clone(&desk), cycle_ended: Arc::clone(&cycle_ended) };
+        let room = PressRoom { press, said, services: Arc::clone(&services), cycle_ended: Arc::clone(&cycle_ended) };
         let press = std::thread::Builder::new().name("press".into()).spawn(move || room.run())?;
         let cycle = Cycle {
             controller,
@@ -236,9 +236,9 @@ impl Work {
         // On a bus the cycle reads the drives itself and joint_states is what it publishes.
         let states = (!on_bus).then_some(states_in);
         let running =
-            Running { node, desk, emergency_stop, others, recording, stop, cycle_ended, control, press, writer };
+            Running { node, services, emergency_stop, others, recording, stop, cycle_ended, control, press, writer };
         if let Err(error) =
-            running.desk.open(&running.node, Sensors { states, joint_names, inertial: inertial_in, wake }, fast)
+            running.services.open(&running.node, Sensors { states, joint_names, inertial: inertial_in, wake }, fast)
         {
             return Err(match running.end() {
                 Ok(()) => error.into(),
@@ -284,10 +284,10 @@ impl Managed for Work {
         // At the end of the program damping comes at once: nobody waits for a process that is told to go.
         let hurried = || self.node.stop().is_requested();
         if !hurried() {
-            running.desk.bring_to_rest(STOPPING_PATIENCE, hurried);
+            running.services.bring_to_rest(STOPPING_PATIENCE, hurried);
         }
         running.emergency_stop.set_active(false);
-        if !running.desk.wait_for_mode(DAMPING_PATIENCE, hurried, |mode| {
+        if !running.services.wait_for_mode(DAMPING_PATIENCE, hurried, |mode| {
             matches!(mode, Mode::Damping | Mode::Disarmed | Mode::Fault)
         }) {
             tracing::warn!(

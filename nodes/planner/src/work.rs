@@ -51,7 +51,7 @@ impl Parameters {
 }
 
 /// What the requests' threads share.
-struct Desk {
+struct Shared {
     planner: Planner,
     gaits: Publisher<Gait>,
     clock: Clock,
@@ -62,7 +62,7 @@ struct Desk {
     busy: AtomicUsize,
 }
 
-impl Desk {
+impl Shared {
     fn is_active(&self) -> bool {
         self.active.load(Ordering::Acquire)
     }
@@ -118,7 +118,7 @@ pub struct Work {
     node: Node,
     parameters: Parameters,
     active: Arc<AtomicBool>,
-    open: Option<(Node, Arc<Desk>)>,
+    open: Option<(Node, Arc<Shared>)>,
 }
 
 impl Work {
@@ -128,10 +128,10 @@ impl Work {
         Work { node: node.part(), parameters, active: Arc::default(), open: None }
     }
 
-    fn open(&self, robot: Robot) -> Result<(Node, Arc<Desk>), RosError> {
+    fn open(&self, robot: Robot) -> Result<(Node, Arc<Shared>), RosError> {
         let Parameters { time_limit, waiting, parallel, find_nearest, .. } = self.parameters;
         let node = self.node.part();
-        let desk = Arc::new(Desk {
+        let shared = Arc::new(Shared {
             planner: Planner::new(robot, time_limit, find_nearest),
             gaits: node.publisher("gait", Qos::latched())?,
             clock: node.clock(),
@@ -141,7 +141,7 @@ impl Work {
         });
         let busy =
             move |_: &_| ports::failure(ports::BUSY, format!("{waiting} requests wait already: ask again later"));
-        let this = Arc::clone(&desk);
+        let this = Arc::clone(&shared);
         let options = ServeOptions::bounded(waiting, busy).parallel(parallel);
         node.serve_with::<GenerateGait>("generate_gait", options, move |request: GenerateGaitRequest| {
             this.answer(
@@ -159,7 +159,7 @@ impl Work {
                 },
             )
         })?;
-        let this = Arc::clone(&desk);
+        let this = Arc::clone(&shared);
         let accept = {
             let active = Arc::clone(&self.active);
             move || if active.load(Ordering::Acquire) { Ok(()) } else { Err("the planner is not active".to_string()) }
@@ -174,7 +174,7 @@ impl Work {
             };
             (end, response)
         })?;
-        Ok((node, desk))
+        Ok((node, shared))
     }
 }
 
@@ -200,8 +200,8 @@ impl Managed for Work {
     fn deactivate(&mut self) -> Result<(), String> {
         self.active.store(false, Ordering::Release);
         let deadline = Instant::now() + PATIENCE;
-        while let Some((_, desk)) = &self.open
-            && desk.busy.load(Ordering::Acquire) > 0
+        while let Some((_, shared)) = &self.open
+            && shared.busy.load(Ordering::Acquire) > 0
             && Instant::now() < deadline
         {
             std::thread::sleep(Duration::from_millis(2));

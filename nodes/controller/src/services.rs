@@ -32,7 +32,7 @@ const EMERGENCY_STOP_DEPTH: usize = 100;
 type Reply = Result<Mode, Refusal>;
 
 /// The middleware's side of the buffers for requests and gaits. Shared by the services, which take turns.
-pub struct Desk {
+pub struct Services {
     asked: Mutex<(Producer<Asked>, u64)>,
     gaits: Mutex<(Producer<(u64, PreparedGait)>, u64)>,
     recording: Arc<Recording>,
@@ -62,8 +62,8 @@ fn lock<T>(mutex: &Mutex<T>) -> std::sync::MutexGuard<'_, T> {
     mutex.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
-impl Desk {
-    /// A desk for a cycle.
+impl Services {
+    /// The services of a cycle.
     pub fn new(
         asked: Producer<Asked>,
         gaits: Producer<(u64, PreparedGait)>,
@@ -237,9 +237,9 @@ impl Desk {
             // A full buffer: the cycle takes the newest of what is there, or has ended.
             let _ = sensors.inertial.push(TimedInertial { state, wall });
         })?;
-        let desk = Arc::clone(self);
+        let services = Arc::clone(self);
         node.subscribe("gait", Qos::latched(), move |message: tandem_msgs::Gait| {
-            match message.to_gait().map_err(|e| e.to_string()).and_then(|gait| desk.load(&gait)) {
+            match message.to_gait().map_err(|e| e.to_string()).and_then(|gait| services.load(&gait)) {
                 Ok(what) => tracing::info!("{what}"),
                 Err(reason) => tracing::error!(
                     "gait \"{}\" refused: {}",
@@ -251,17 +251,17 @@ impl Desk {
         self.open_emergency_stop(node)?;
         // No service starts on the gait: the parameter simulation_start_on_gait does.
         for (service, request) in Request::NAMED.into_iter().filter(|(_, request)| *request != Request::StartOnGait) {
-            let desk = Arc::clone(self);
+            let services = Arc::clone(self);
             node.serve::<Trigger>(service, move |_| {
-                let (success, message) = desk.ask(request);
+                let (success, message) = services.ask(request);
                 tracing::info!("{service}: {message}");
                 TriggerResponse { success, message }
             })?;
         }
-        let desk = Arc::clone(self);
+        let services = Arc::clone(self);
         node.serve::<ClearFault>("clear_fault", move |request| {
             let (success, message) = match Fault::from_name(&request.name) {
-                Some(fault) => desk.ask(Request::ClearFault(fault)),
+                Some(fault) => services.ask(Request::ClearFault(fault)),
                 None => (
                     false,
                     format!(
@@ -294,9 +294,10 @@ impl Desk {
                 StopRecordingResponse { message, ..StopRecordingResponse::default() }
             }
         })?;
-        let desk = Arc::clone(self);
+        let services = Arc::clone(self);
         node.serve::<LoadGait>("load_gait", move |request| {
-            let loaded = Gait::from_json(&request.json).map_err(|e| e.to_string()).and_then(|gait| desk.load(&gait));
+            let loaded =
+                Gait::from_json(&request.json).map_err(|e| e.to_string()).and_then(|gait| services.load(&gait));
             let (success, message) = match loaded {
                 Ok(what) => (true, what),
                 // It may repeat what stands in the text.
