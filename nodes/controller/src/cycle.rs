@@ -43,7 +43,7 @@ pub struct Asked {
     pub request: Request,
 }
 
-/// What the cycle says to the press.
+/// What the cycle says to the publishers.
 #[derive(Clone, Copy, Debug)]
 pub struct Said {
     /// The controller's output.
@@ -140,7 +140,7 @@ pub struct Cycle {
     /// What is recorded.
     pub tape: Tape,
     /// To be woken when there is an output.
-    pub press: Thread,
+    pub publishers: Thread,
     /// In a simulation that puts the robot on the gait: start there as soon as there is a gait and a state.
     pub start_on_gait: bool,
 }
@@ -213,10 +213,10 @@ impl Cycle {
         self.asked.peek().is_ok_and(|asked| asked.request == Request::Arm)
     }
 
-    /// A full buffer means that the press has stalled; what it misses are outputs that are too old already.
+    /// A full buffer means that the publishers have stalled; what they miss are outputs that are too old already.
     fn say(&mut self, said: Said) {
         if self.said.push(said).is_ok() {
-            self.press.unpark();
+            self.publishers.unpark();
         }
     }
 
@@ -272,7 +272,7 @@ impl Cycle {
                 idle = false;
                 if last == Some(stamp) {
                     bus.repeat();
-                    self.press.unpark();
+                    self.publishers.unpark();
                     continue;
                 }
                 last = Some(stamp);
@@ -283,7 +283,7 @@ impl Cycle {
                 let measured = Measured { state: state.as_ref(), effort_nm, fault, ..Measured::default() };
                 let output = self.step(&mut memory, &measured, stamp, monotonic_now(), false);
                 bus.write(&output.command, output.drives_on, stamp);
-                self.press.unpark();
+                self.publishers.unpark();
             }
             if self.stop.load(Ordering::Acquire) {
                 if let Some(now) = last {

@@ -5,7 +5,7 @@
 use crate::inputs::{InputProblems, StateWatch, Topic};
 use crate::others::{COMMANDS, OtherSpeakers};
 use crate::ports;
-use crate::press::OFFERED;
+use crate::publishers::OFFERED;
 use control::{FaultReport, JOINTS, JointCommand};
 use joint_bus::{BusHealth, JointBus, LinkHealth, Readings};
 use realtime::monotonic_now;

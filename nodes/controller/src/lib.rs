@@ -7,7 +7,7 @@
 //! - the **services** ([`services`]): callbacks and services on the middleware's threads, which turn messages into values, refuse what
 //!   is wrong with them, and put the rest into the buffers;
 //! - the **tape** ([`tape`]): the thread that records every cycle into a bag, where that is asked for;
-//! - the **press** ([`press`]): a thread that publishes what the cycle said.
+//! - the **publishers** ([`publishers`]): a thread that publishes what the cycle said.
 //!
 //! Who starts and ends them is [`work`], the node's side of ROS 2's lifecycle.
 //!
@@ -25,7 +25,7 @@ pub mod odometry;
 pub mod others;
 pub mod parameters;
 pub mod ports;
-pub mod press;
+pub mod publishers;
 pub mod record_root;
 pub mod services;
 pub mod tape;

@@ -164,7 +164,7 @@ enum Order {
     Other { topic: &'static str, leg: Option<usize>, cdr: Vec<u8> },
 }
 
-/// The other end: starts, stops and tells of recordings. Shared by the services and the press.
+/// The other end: starts, stops and tells of recordings. Shared by the services and the publishers.
 pub struct Recording {
     orders: Sender<Order>,
     /// Messages of other topics on their way.

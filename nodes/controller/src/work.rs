@@ -10,7 +10,7 @@ use crate::emergency_stop::EmergencyStop;
 use crate::inputs::InputProblems;
 use crate::odometry::Odometer;
 use crate::others::OtherSpeakers;
-use crate::press::{self, Press, PressRoom};
+use crate::publishers::{self, PublisherThread, Publishers};
 use crate::services::{Sensors, Services};
 use crate::tape::{self, Recording, Subject};
 use anyhow::Context as _;
@@ -83,23 +83,23 @@ struct Running {
     stop: Arc<AtomicBool>,
     cycle_ended: Arc<AtomicBool>,
     control: JoinHandle<()>,
-    press: JoinHandle<()>,
+    publishers: JoinHandle<()>,
     writer: JoinHandle<()>,
 }
 
 impl Running {
-    /// The cycle's last command is damping, the press publishes it, the recording is completed, the topics go.
+    /// The cycle's last command is damping, the publishers send it, the recording is completed, the topics go.
     fn end(self) -> Result<(), String> {
         self.stop.store(true, Ordering::Release);
         self.control.thread().unpark();
         let control = self.control.join();
         self.cycle_ended.store(true, Ordering::Release);
-        self.press.thread().unpark();
-        let press = self.press.join();
+        self.publishers.thread().unpark();
+        let publishers = self.publishers.join();
         self.recording.end();
         let writer = self.writer.join();
         drop(self.node);
-        if control.is_err() || press.is_err() || writer.is_err() {
+        if control.is_err() || publishers.is_err() || writer.is_err() {
             return Err("a thread panicked; the lines above say where".into());
         }
         Ok(())
@@ -132,7 +132,7 @@ impl Work {
         let lockstep = parameters.pace == Pace::Lockstep;
         // Nothing may be lost between two processes that wait for each other; else only the newest counts, and nobody
         // is to send an old one again.
-        let fast = if lockstep { press::OFFERED } else { Qos::best_effort(1) };
+        let fast = if lockstep { publishers::OFFERED } else { Qos::best_effort(1) };
 
         let (states_in, states) = RingBuffer::new(DEPTH);
         let (commands_in, commands) = RingBuffer::new(DEPTH);
@@ -181,7 +181,7 @@ impl Work {
         let odometry_every =
             (1.0 / (parameters.drive.odometry_rate_hz * config.control_period_s)).round().max(1.0) as u64;
         let odometer = Odometer::new(&node, &config, &parameters.drive.frame_prefix, odometry_every, on_bus)?;
-        let press = Press::new(&node, joint_names.clone(), every, speaker, Arc::clone(&recording), problems)?
+        let publishers = Publishers::new(&node, joint_names.clone(), every, speaker, Arc::clone(&recording), problems)?
             .with_odometry(odometer);
         let writer = std::thread::Builder::new().name("recording".into()).spawn(move || writer.run())?;
         if parameters.record_every_run
@@ -190,8 +190,13 @@ impl Work {
         {
             tracing::error!("no recording: {reason}");
         }
-        let room = PressRoom { press, said, services: Arc::clone(&services), cycle_ended: Arc::clone(&cycle_ended) };
-        let press = std::thread::Builder::new().name("press".into()).spawn(move || room.run())?;
+        let thread = PublisherThread {
+            publishers,
+            said,
+            services: Arc::clone(&services),
+            cycle_ended: Arc::clone(&cycle_ended),
+        };
+        let publishers = std::thread::Builder::new().name("publishers".into()).spawn(move || thread.run())?;
         let cycle = Cycle {
             controller,
             inertial,
@@ -203,7 +208,7 @@ impl Work {
             tape,
             stop: Arc::clone(&stop),
             said: said_in,
-            press: press.thread().clone(),
+            publishers: publishers.thread().clone(),
             start_on_gait: parameters.start_on_gait,
         };
         let (warnings_in, warnings) = sync_channel(1);
@@ -212,7 +217,7 @@ impl Work {
         let clock = if lockstep { CycleClock::JointStates } else { parameters.clock };
         let patience = 2 * Duration::from_secs_f64(config.state_timeout_s);
         let topics =
-            DdsBus::new(states, commands_in, Some(press.thread().clone()), clock, patience).beside(others.clone());
+            DdsBus::new(states, commands_in, Some(publishers.thread().clone()), clock, patience).beside(others.clone());
         let control = std::thread::Builder::new().name("control".into()).spawn(move || {
             // The receiver waits for it; the channel has room.
             let warn = move |list: Vec<Warning>| warnings_in.send(list).unwrap_or_default();
@@ -235,8 +240,18 @@ impl Work {
         let wake = lockstep.then(|| control.thread().clone());
         // On a bus the cycle reads the drives itself and joint_states is what it publishes.
         let states = (!on_bus).then_some(states_in);
-        let running =
-            Running { node, services, emergency_stop, others, recording, stop, cycle_ended, control, press, writer };
+        let running = Running {
+            node,
+            services,
+            emergency_stop,
+            others,
+            recording,
+            stop,
+            cycle_ended,
+            control,
+            publishers,
+            writer,
+        };
         if let Err(error) =
             running.services.open(&running.node, Sensors { states, joint_names, inertial: inertial_in, wake }, fast)
         {

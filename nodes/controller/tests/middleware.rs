@@ -44,7 +44,7 @@ enum Told {
     Nothing,
 }
 
-/// Behind topics: what the middleware's callbacks and the press do, without the middleware.
+/// Behind topics: what the middleware's callbacks and the publishers do, without the middleware.
 struct Topics {
     states: Producer<StateMessage>,
     commands: Consumer<CommandMessage>,
@@ -194,7 +194,7 @@ fn walk_and_break(bus: &str, how: &str, timeout: Duration) {
         tape,
         stop: Arc::default(),
         said,
-        press: std::thread::current(),
+        publishers: std::thread::current(),
         start_on_gait: true,
     };
     let seen = Arc::new(Seen::default());

@@ -25,7 +25,7 @@ const PATIENCE: Duration = Duration::from_millis(20);
 pub const OFFERED: Qos = Qos::reliable(10);
 
 /// The node's publishers.
-pub struct Press {
+pub struct Publishers {
     /// Where the joints are behind topics.
     speaker: Option<Speaker>,
     controller_state: Publisher<ControllerState>,
@@ -45,7 +45,7 @@ pub struct Press {
     recording: Arc<Recording>,
     problems: Arc<InputProblems>,
     odometer: Option<Odometer>,
-    /// A press that hangs sends no commands and no states.
+    /// Publishers that hang send no commands and no states.
     pulse: Pulse,
 }
 
@@ -56,7 +56,7 @@ struct Last {
     report: Option<FaultReport>,
 }
 
-impl Press {
+impl Publishers {
     /// Creates the publishers. Without a speaker the cycle reads the drives itself, and `joint_states` is published.
     pub fn new(
         node: &Node,
@@ -294,10 +294,10 @@ impl Press {
     }
 }
 
-/// What the press's thread is given.
-pub struct PressRoom {
+/// What the publishers' thread is given.
+pub struct PublisherThread {
     /// The publishers.
-    pub press: Press,
+    pub publishers: Publishers,
     /// What the cycle says.
     pub said: Consumer<Said>,
     /// Whom requests' replies go to.
@@ -306,9 +306,9 @@ pub struct PressRoom {
     pub cycle_ended: Arc<AtomicBool>,
 }
 
-impl PressRoom {
+impl PublisherThread {
     /// Publishes until the cycle has ended.
     pub fn run(self) {
-        self.press.run(self.said, &self.services, &self.cycle_ended);
+        self.publishers.run(self.said, &self.services, &self.cycle_ended);
     }
 }
