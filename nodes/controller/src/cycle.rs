@@ -2,7 +2,7 @@
 
 use crate::dds_bus::DdsBus;
 use crate::emergency_stop::EmergencyStop;
-use crate::tape::Tape;
+use crate::recording::CycleLog;
 use control::{
     Controller, FaultReport, GaitName, InertialState, Input, JOINTS, JointState, MAX_REQUESTS, Output, PreparedGait,
     Request, Velocity, VelocityCommand,
@@ -138,7 +138,7 @@ pub struct Cycle {
     /// Outputs out.
     pub said: Producer<Said>,
     /// What is recorded.
-    pub tape: Tape,
+    pub cycle_log: CycleLog,
     /// To be woken when there is an output.
     pub publishers: Thread,
     /// In a simulation that puts the robot on the gait: start there as soon as there is a gait and a state.
@@ -192,9 +192,9 @@ impl Cycle {
             emergency_stop: self.emergency_stop.is_pressed(wall) | self.middleware.has_failed(wall) | stop,
             fault: measured.fault,
         };
-        self.tape.begin_cycle(&self.controller);
+        self.cycle_log.begin_cycle(&self.controller);
         let output = self.controller.step(&input, now);
-        self.tape.end_cycle(now, &input, gait_number, measured.effort_nm, &output);
+        self.cycle_log.end_cycle(now, &input, gait_number, measured.effort_nm, &output);
         memory.compute.record(monotonic_now().saturating_sub(wall));
         let timing = output.cycles.is_multiple_of(TIMING_EVERY).then(|| memory.timing());
         self.say(Said {

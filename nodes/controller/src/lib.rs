@@ -6,7 +6,7 @@
 //!   [`control::Controller::step`] and nothing else; no lock, no allocation, no logging, no publishing;
 //! - the **services** ([`services`]): callbacks and services on the middleware's threads, which turn messages into values, refuse what
 //!   is wrong with them, and put the rest into the buffers;
-//! - the **tape** ([`tape`]): the thread that records every cycle into a bag, where that is asked for;
+//! - the **recording** ([`recording`]): the thread that records every cycle into a bag, where that is asked for;
 //! - the **publishers** ([`publishers`]): a thread that publishes what the cycle said.
 //!
 //! Who starts and ends them is [`work`], the node's side of ROS 2's lifecycle.
@@ -27,6 +27,6 @@ pub mod parameters;
 pub mod ports;
 pub mod publishers;
 pub mod record_root;
+pub mod recording;
 pub mod services;
-pub mod tape;
 pub mod work;

@@ -5,8 +5,8 @@ use crate::dds_bus::Speaker;
 use crate::inputs::InputProblems;
 use crate::odometry::{self, Odometer};
 use crate::ports;
+use crate::recording::{self, Recording};
 use crate::services::Services;
-use crate::tape::{self, Recording};
 use control::{DampingReason, Fault, FaultReport, JOINTS, Mode};
 use realtime::monotonic_now;
 use ros::{Clock, Node, PublishError, Publisher, Pulse, Qos, RosError, Stop};
@@ -147,7 +147,7 @@ impl Publishers {
         }
         if let Some(timing) = &said.timing {
             let message = self.diagnostics(said, timing);
-            self.recording.other(tape::DIAGNOSTICS, None, &message);
+            self.recording.other(recording::DIAGNOSTICS, None, &message);
             let sent = self.diagnostics.publish(message);
             self.note(sent);
         }

@@ -5,7 +5,7 @@ use crate::dds_bus::{self, StateMessage};
 use crate::emergency_stop::{EmergencyStop, PUBLISHERS};
 use crate::inputs::{InputProblems, Topic};
 use crate::ports;
-use crate::tape::{self, Recording};
+use crate::recording::{self, Recording};
 use control::{Config, Fault, JOINTS, Mode, PreparedGait, Refusal, Request};
 use gait::Gait;
 use realtime::monotonic_now;
@@ -222,11 +222,11 @@ impl Services {
         }
         let recording = Arc::clone(&self.recording);
         // What the controller takes from it is recorded with every cycle.
-        let mut thinning = tape::Thinning::new(2 * tape::THINNED_NS);
+        let mut thinning = recording::Thinning::new(2 * recording::THINNED_NS);
         let problems = Arc::clone(&self.problems);
         node.subscribe("imu", Qos::best_effort(1), move |message: sensor_msgs::Imu| {
             if thinning.takes(message.header.stamp.nanoseconds()) {
-                recording.other(tape::IMU, None, &message);
+                recording.other(recording::IMU, None, &message);
             }
             let wall = monotonic_now();
             let (state, problem) = ports::inertial_state(&message);

@@ -11,8 +11,8 @@ use crate::inputs::InputProblems;
 use crate::odometry::Odometer;
 use crate::others::OtherSpeakers;
 use crate::publishers::{self, PublisherThread, Publishers};
+use crate::recording::{self, Recording, Subject};
 use crate::services::{Sensors, Services};
-use crate::tape::{self, Recording, Subject};
 use anyhow::Context as _;
 use control::{Controller, Mode};
 use joint_bus::can::CanLink;
@@ -153,7 +153,7 @@ impl Work {
         let own_clock = on_bus || (!lockstep && parameters.clock == CycleClock::Monotonic);
         let zero = since_epoch.saturating_sub(monotonic_now());
         let leg_names = std::array::from_fn(|leg| robot.legs[leg].name.clone());
-        let (tape, recording, writer) = tape::tape(Subject {
+        let (cycle_log, recording, writer) = recording::open(Subject {
             config: config.clone(),
             robot_description: robot.urdf.clone(),
             leg_names: Clone::clone(&leg_names),
@@ -186,7 +186,7 @@ impl Work {
         let writer = std::thread::Builder::new().name("recording".into()).spawn(move || writer.run())?;
         if parameters.record_every_run
             // The robot walks without its recording; the fault stands in diagnostics until one begins.
-            && let Err(reason) = recording.start(&tape::folder_name(since_epoch))
+            && let Err(reason) = recording.start(&recording::folder_name(since_epoch))
         {
             tracing::error!("no recording: {reason}");
         }
@@ -205,7 +205,7 @@ impl Work {
             gaits,
             emergency_stop: Arc::clone(&emergency_stop),
             middleware: Middleware::new(node.stop().health(), parameters.middleware_timeout, parameters.period),
-            tape,
+            cycle_log,
             stop: Arc::clone(&stop),
             said: said_in,
             publishers: publishers.thread().clone(),

@@ -17,7 +17,7 @@ use std::time::{Duration, Instant};
 use tandem_controller::cycle::{Cycle, Middleware};
 use tandem_controller::dds_bus::{CommandMessage, CycleClock, DEPTH, DdsBus, StateMessage};
 use tandem_controller::emergency_stop::EmergencyStop;
-use tandem_controller::tape::{Subject, tape};
+use tandem_controller::recording::{self, Subject};
 
 const MS: Duration = Duration::from_millis(1);
 const PERIOD: Duration = MS;
@@ -167,7 +167,7 @@ fn walk_and_break(bus: &str, how: &str, timeout: Duration) {
     let gait = Gait::from_json(&text).unwrap();
     let config = Config { simulation_start: true, state_timeout_s: 0.5, overrun_s: 0.5, ..Config::for_robot(&robot) };
     let prepared = PreparedGait::new(&gait, &config).unwrap();
-    let (tape, _recording, writer) = tape(Subject {
+    let (cycle_log, _recording, writer) = recording::open(Subject {
         config: config.clone(),
         robot_description: robot.urdf.clone(),
         leg_names: std::array::from_fn(|leg| robot.legs[leg].name.clone()),
@@ -191,7 +191,7 @@ fn walk_and_break(bus: &str, how: &str, timeout: Duration) {
         gaits: gaits_out,
         emergency_stop: Arc::new(EmergencyStop::new(None)),
         middleware: Middleware::new(health.clone(), Some(timeout), PERIOD),
-        tape,
+        cycle_log,
         stop: Arc::default(),
         said,
         publishers: std::thread::current(),

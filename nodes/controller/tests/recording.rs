@@ -10,14 +10,14 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
-use tandem_controller::tape::{Recording, Subject, Tape, Writer, folder_name, tape};
+use tandem_controller::recording::{self, CycleLog, Recording, Subject, Writer, folder_name};
 
 #[global_allocator]
 static ALLOCATOR: realtime::CountingAllocator = realtime::CountingAllocator;
 
 /// A robot that follows its commands, its controller, and the recording beside it.
 struct Bench {
-    tape: Tape,
+    cycle_log: CycleLog,
     recording: Arc<Recording>,
     writer: Option<JoinHandle<()>>,
     controller: Controller,
@@ -41,7 +41,7 @@ impl Bench {
         let gait = Gait::from_json(&text).unwrap();
         let config = Config { simulation_start: true, ..Config::for_robot(&robot) };
         let prepared = PreparedGait::new(&gait, &config).unwrap();
-        let (tape, recording, writer) = tape(Subject {
+        let (cycle_log, recording, writer) = recording::open(Subject {
             config: config.clone(),
             robot_description: robot.urdf.clone(),
             leg_names: std::array::from_fn(|leg| robot.legs[leg].name.clone()),
@@ -52,7 +52,7 @@ impl Bench {
         });
         recording.gait(1, &gait, &prepared);
         let bench = Self {
-            tape,
+            cycle_log,
             recording: Arc::new(recording),
             writer: None,
             controller: Controller::new(config).unwrap(),
@@ -84,9 +84,9 @@ impl Bench {
             gait: first.then_some(&self.gait),
             ..Input::default()
         };
-        self.tape.begin_cycle(&self.controller);
+        self.cycle_log.begin_cycle(&self.controller);
         let output = self.controller.step(&input, self.now);
-        self.tape.end_cycle(self.now, &input, u64::from(first), Some(output.torque_nm), &output);
+        self.cycle_log.end_cycle(self.now, &input, u64::from(first), Some(output.torque_nm), &output);
         let allocations = realtime::allocations_of_this_thread() - before;
         assert_eq!(output.mode, Mode::Walking, "{:?}", output.report);
         for joint in 0..12 {

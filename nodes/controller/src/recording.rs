@@ -1,6 +1,6 @@
 //! Recording a run: what each cycle saw and said goes through a wait-free buffer to a thread that writes it into a bag.
 //!
-//! The cycle's end ([`Tape`]) takes no lock, allocates nothing and never waits: what does not fit is dropped and counted. The
+//! The cycle's end ([`CycleLog`]) takes no lock, allocates nothing and never waits: what does not fit is dropped and counted. The
 //! writer's end ([`Recording`]) has a thread of its own; a full or missing disk is a fault of the recording, not of the walk.
 
 use control::{
@@ -42,7 +42,7 @@ const SERVICE_PATIENCE: Duration = Duration::from_secs(20);
 
 /// One cycle: all that its step saw, and what it said.
 #[derive(Clone, Copy, Debug)]
-pub struct TapedCycle {
+pub struct LoggedCycle {
     recording: u64,
     now: Duration,
     joints: Option<JointState>,
@@ -58,8 +58,8 @@ pub struct TapedCycle {
 }
 
 /// The cycle's end.
-pub struct Tape {
-    cycles: Producer<TapedCycle>,
+pub struct CycleLog {
+    cycles: Producer<LoggedCycle>,
     beginnings: Producer<(u64, Snapshot)>,
     shared: Arc<Shared>,
     /// The recording that this end is in; 0: none.
@@ -75,7 +75,7 @@ struct Shared {
     dropped_cycles: AtomicU64,
 }
 
-impl Tape {
+impl CycleLog {
     /// Before a step: notices that a recording begins or ends.
     pub fn begin_cycle(&mut self, controller: &Controller) {
         let wanted = self.shared.wanted.load(Ordering::Acquire);
@@ -100,7 +100,7 @@ impl Tape {
         let mut requests = [Request::Stop; MAX_REQUESTS];
         let request_count = input.requests.len().min(MAX_REQUESTS);
         requests[..request_count].copy_from_slice(&input.requests[..request_count]);
-        let taped = TapedCycle {
+        let logged = LoggedCycle {
             recording: self.recording,
             now,
             joints: input.joints.copied(),
@@ -113,7 +113,7 @@ impl Tape {
             effort_nm,
             output: *output,
         };
-        if self.cycles.push(taped).is_err() {
+        if self.cycles.push(logged).is_err() {
             self.shared.dropped_cycles.fetch_add(1, Ordering::Relaxed);
         }
     }
@@ -183,7 +183,7 @@ fn lock<T>(mutex: &Mutex<T>) -> std::sync::MutexGuard<'_, T> {
 /// The writer, to be run on a thread of its own.
 pub struct Writer {
     orders: Receiver<Order>,
-    cycles: Consumer<TapedCycle>,
+    cycles: Consumer<LoggedCycle>,
     beginnings: Consumer<(u64, Snapshot)>,
     shared: Arc<Shared>,
     others: Arc<AtomicU64>,
@@ -205,7 +205,7 @@ struct Run {
 }
 
 /// The two ends and the writer between.
-pub fn tape(subject: Subject) -> (Tape, Recording, Writer) {
+pub fn open(subject: Subject) -> (CycleLog, Recording, Writer) {
     let (cycles_in, cycles) = RingBuffer::new(CYCLES);
     let (beginnings_in, beginnings) = RingBuffer::new(2);
     let (orders_in, orders) = channel();
@@ -214,7 +214,8 @@ pub fn tape(subject: Subject) -> (Tape, Recording, Writer) {
     let (others, active) = (Arc::new(AtomicU64::new(0)), Arc::new(AtomicBool::new(false)));
     let status = Arc::new(Mutex::new(RecordingStatus::default()));
     let gaits = Gaits::default();
-    let tape = Tape { cycles: cycles_in, beginnings: beginnings_in, shared: Arc::clone(&shared), recording: 0 };
+    let cycle_log =
+        CycleLog { cycles: cycles_in, beginnings: beginnings_in, shared: Arc::clone(&shared), recording: 0 };
     let recording = Recording {
         orders: orders_in,
         others: Arc::clone(&others),
@@ -237,7 +238,7 @@ pub fn tape(subject: Subject) -> (Tape, Recording, Writer) {
         recordings: 0,
         run: None,
     };
-    (tape, recording, writer)
+    (cycle_log, recording, writer)
 }
 
 impl Recording {
@@ -563,7 +564,7 @@ impl Writer {
 
 impl Run {
     /// What is not taken is counted by the recorder.
-    fn cycle(&mut self, cycle: &TapedCycle, arrived: Option<&(Gait, PreparedGait)>) -> Result<(), BagError> {
+    fn cycle(&mut self, cycle: &LoggedCycle, arrived: Option<&(Gait, PreparedGait)>) -> Result<(), BagError> {
         if let Some((gait, _)) = arrived {
             self.recorder.gait(gait)?;
         }
