@@ -16,10 +16,10 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::thread::Thread;
 use std::time::Duration;
 
-/// What the inertial unit said and when it came in, on the monotonic clock.
+/// An inertial measurement and when it came in, on the monotonic clock.
 #[derive(Clone, Copy, Debug)]
 pub struct TimedInertial {
-    /// What it said; the cycle says on its own clock when it came in.
+    /// The measurement; the cycle says on its own clock when it came in.
     pub state: InertialState,
     /// When it came in.
     pub wall: Duration,
@@ -43,9 +43,9 @@ pub struct Asked {
     pub request: Request,
 }
 
-/// What the cycle says to the publishers.
+/// A cycle's output, to the publishers.
 #[derive(Clone, Copy, Debug)]
-pub struct Said {
+pub struct CycleOutput {
     /// The controller's output.
     pub output: Output,
     /// Numbers of the requests that the output's replies answer.
@@ -136,7 +136,7 @@ pub struct Cycle {
     /// The end of the program.
     pub stop: Arc<AtomicBool>,
     /// Outputs out.
-    pub said: Producer<Said>,
+    pub outputs: Producer<CycleOutput>,
     /// What is recorded.
     pub cycle_log: CycleLog,
     /// To be woken when there is an output.
@@ -197,7 +197,7 @@ impl Cycle {
         self.cycle_log.end_cycle(now, &input, gait_number, measured.effort_nm, &output);
         memory.compute.record(monotonic_now().saturating_sub(wall));
         let timing = output.cycles.is_multiple_of(TIMING_EVERY).then(|| memory.timing());
-        self.say(Said {
+        self.send(CycleOutput {
             output,
             ids,
             gait: self.controller.gait().map(PreparedGait::name),
@@ -214,8 +214,8 @@ impl Cycle {
     }
 
     /// A full buffer means that the publishers have stalled; what they miss are outputs that are too old already.
-    fn say(&mut self, said: Said) {
-        if self.said.push(said).is_ok() {
+    fn send(&mut self, output: CycleOutput) {
+        if self.outputs.push(output).is_ok() {
             self.publishers.unpark();
         }
     }

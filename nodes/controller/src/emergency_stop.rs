@@ -90,7 +90,7 @@ impl EmergencyStop {
         }
     }
 
-    /// A publisher of the topic said something. False: there are too many publishers, and that counts as pressed.
+    /// A publisher of the topic sent a message. False: there are too many publishers, and that counts as pressed.
     pub fn heard(&self, id: PublisherId, pressed: bool, wall: Duration) -> bool {
         // First of all: nothing that follows may lose it.
         self.latch(pressed);

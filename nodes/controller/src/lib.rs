@@ -7,7 +7,7 @@
 //! - the **services** ([`services`]): callbacks and services on the middleware's threads, which turn messages into values, refuse what
 //!   is wrong with them, and put the rest into the buffers;
 //! - the **recording** ([`recording`]): the thread that records every cycle into a bag, where that is asked for;
-//! - the **publishers** ([`publishers`]): a thread that publishes what the cycle said.
+//! - the **publishers** ([`publishers`]): a thread that publishes the cycle's output.
 //!
 //! Who starts and ends them is [`work`], the node's side of ROS 2's lifecycle.
 //!

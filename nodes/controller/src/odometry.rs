@@ -50,7 +50,7 @@ impl Odometer {
         }))
     }
 
-    /// Publishes what a cycle said, when it is time to. An estimate that is not good is told of with variances that say
+    /// Publishes a cycle's output, when it is time to. An estimate that is not good is told of with variances that say
     /// so, and one that was never begun not at all.
     ///
     /// # Errors

@@ -1,6 +1,6 @@
-//! The thread that publishes what the cycle said.
+//! The thread that publishes the cycle's output.
 
-use crate::cycle::{Said, Timing};
+use crate::cycle::{CycleOutput, Timing};
 use crate::dds_bus::Speaker;
 use crate::inputs::InputProblems;
 use crate::odometry::{self, Odometer};
@@ -49,7 +49,7 @@ pub struct Publishers {
     pulse: Pulse,
 }
 
-/// What was said last, to tell what is new.
+/// The output before, to see what is new.
 #[derive(Default)]
 struct Last {
     mode: Option<Mode>,
@@ -92,14 +92,14 @@ impl Publishers {
         Self { odometer, ..self }
     }
 
-    /// Publishes until `cycle_ended`, and everything that was said until then.
-    pub fn run(mut self, mut said: Consumer<Said>, services: &Services, cycle_ended: &AtomicBool) {
+    /// Publishes until `cycle_ended`, and every output until then.
+    pub fn run(mut self, mut outputs: Consumer<CycleOutput>, services: &Services, cycle_ended: &AtomicBool) {
         loop {
             self.pulse.beat();
             let ended = cycle_ended.load(Ordering::Acquire);
             self.speak();
-            while let Ok(said) = said.pop() {
-                self.print(&said, services);
+            while let Ok(cycle) = outputs.pop() {
+                self.print(&cycle, services);
                 self.speak();
             }
             if ended {
@@ -116,17 +116,17 @@ impl Publishers {
         }
     }
 
-    fn print(&mut self, said: &Said, services: &Services) {
-        let output = &said.output;
+    fn print(&mut self, cycle: &CycleOutput, services: &Services) {
+        let output = &cycle.output;
         services.set_mode(output.mode);
-        for (id, reply) in said.ids.iter().zip(&output.replies) {
+        for (id, reply) in cycle.ids.iter().zip(&output.replies) {
             if *id != 0
                 && let Some(reply) = reply
             {
                 services.reply(*id, *reply);
             }
         }
-        if let (Some(port), Some(readings)) = (&self.joint_states, &said.readings)
+        if let (Some(port), Some(readings)) = (&self.joint_states, &cycle.readings)
             && let Some(answered) = output.answered
             && output.cycles.is_multiple_of(self.joint_states_every)
         {
@@ -137,24 +137,24 @@ impl Publishers {
             self.note(sent);
         }
         let changed = self.last.mode != Some(output.mode) || self.last.report != output.report;
-        self.log(said);
+        self.log(cycle);
         self.last.mode = Some(output.mode);
         self.last.report = output.report;
         if changed || output.cycles.is_multiple_of(self.state_every) {
-            let gait = said.gait.as_ref().map(|name| name.as_str());
-            let sent = self.controller_state.publish(ports::controller_state(output, gait, said.missed_cycles));
+            let gait = cycle.gait.as_ref().map(|name| name.as_str());
+            let sent = self.controller_state.publish(ports::controller_state(output, gait, cycle.missed_cycles));
             self.note(sent);
         }
-        if let Some(timing) = &said.timing {
-            let message = self.diagnostics(said, timing);
+        if let Some(timing) = &cycle.timing {
+            let message = self.diagnostics(cycle, timing);
             self.recording.other(recording::DIAGNOSTICS, None, &message);
             let sent = self.diagnostics.publish(message);
             self.note(sent);
         }
     }
 
-    fn log(&self, said: &Said) {
-        let output = &said.output;
+    fn log(&self, cycle: &CycleOutput) {
+        let output = &cycle.output;
         if self.last.mode != Some(output.mode) {
             match (output.mode, output.damping_reason) {
                 (Mode::Damping, Some(DampingReason::EmergencyStop)) => tracing::error!("emergency stop: damping"),
@@ -226,14 +226,14 @@ impl Publishers {
         }
     }
 
-    fn diagnostics(&self, said: &Said, timing: &Timing) -> DiagnosticArray {
-        let output = &said.output;
+    fn diagnostics(&self, cycle: &CycleOutput, timing: &Timing) -> DiagnosticArray {
+        let output = &cycle.output;
         let value = |key: &str, value: String| KeyValue { key: key.into(), value };
         let us = |d: Duration| format!("{:.1}", d.as_secs_f64() * 1e6);
         let mut values = vec![
             value("mode", output.mode.name().into()),
             value("cycles", output.cycles.to_string()),
-            value("missed_cycles", said.missed_cycles.to_string()),
+            value("missed_cycles", cycle.missed_cycles.to_string()),
             value("cycles_without_new_state", output.stale_inputs.to_string()),
             value("publish_failures", self.publish_failures.to_string()),
         ];
@@ -248,7 +248,7 @@ impl Publishers {
             }
         }
         values.extend(odometry::told(output));
-        if let Some(bus) = &said.bus {
+        if let Some(bus) = &cycle.bus {
             for (n, link) in bus.links[..bus.count].iter().enumerate() {
                 values.push(value(
                     &format!("interface_{n}"),
@@ -299,7 +299,7 @@ pub struct PublisherThread {
     /// The publishers.
     pub publishers: Publishers,
     /// What the cycle says.
-    pub said: Consumer<Said>,
+    pub outputs: Consumer<CycleOutput>,
     /// Whom requests' replies go to.
     pub services: Arc<Services>,
     /// Set once the cycle says no more.
@@ -309,6 +309,6 @@ pub struct PublisherThread {
 impl PublisherThread {
     /// Publishes until the cycle has ended.
     pub fn run(self) {
-        self.publishers.run(self.said, &self.services, &self.cycle_ended);
+        self.publishers.run(self.outputs, &self.services, &self.cycle_ended);
     }
 }

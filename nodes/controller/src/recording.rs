@@ -1,4 +1,4 @@
-//! Recording a run: what each cycle saw and said goes through a wait-free buffer to a thread that writes it into a bag.
+//! Recording a run: what each cycle saw and put out goes through a wait-free buffer to a thread that writes it into a bag.
 //!
 //! The cycle's end ([`CycleLog`]) takes no lock, allocates nothing and never waits: what does not fit is dropped and counted. The
 //! writer's end ([`Recording`]) has a thread of its own; a full or missing disk is a fault of the recording, not of the walk.
@@ -40,7 +40,7 @@ const PATIENCE: Duration = Duration::from_millis(5);
 /// How long a service waits for the writer: a slow disk opens slowly.
 const SERVICE_PATIENCE: Duration = Duration::from_secs(20);
 
-/// One cycle: all that its step saw, and what it said.
+/// One cycle: all that its step saw, and its output.
 #[derive(Clone, Copy, Debug)]
 pub struct LoggedCycle {
     recording: u64,

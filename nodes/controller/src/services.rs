@@ -41,7 +41,7 @@ pub struct Services {
     problems: Arc<InputProblems>,
     config: Config,
     lockstep: bool,
-    /// The controller's mode as last said.
+    /// The controller's mode as last published.
     mode: Mutex<Option<Mode>>,
 }
 
@@ -86,7 +86,7 @@ impl Services {
         }
     }
 
-    /// The cycle has said in which mode it is.
+    /// The cycle's mode.
     pub fn set_mode(&self, mode: Mode) {
         *lock(&self.mode) = Some(mode);
     }
@@ -109,9 +109,9 @@ impl Services {
         if !lock(&self.mode).is_some_and(moves) {
             return;
         }
-        let (granted, said) = self.put(Request::Stop);
+        let (granted, reason) = self.put(Request::Stop);
         if !granted || !self.wait_for_mode(patience, hurried, |mode| !moves(mode)) {
-            tracing::warn!("the walk did not come to rest within {patience:?} ({said}): damping");
+            tracing::warn!("the walk did not come to rest within {patience:?} ({reason}): damping");
         }
     }
 

@@ -140,7 +140,7 @@ impl Work {
         let (velocities_in, velocities) = RingBuffer::new(drive::DEPTH);
         let (asked_in, asked) = RingBuffer::new(64);
         let (gaits_in, gaits) = RingBuffer::new(16);
-        let (said_in, said) = RingBuffer::new(1024);
+        let (outputs_in, outputs) = RingBuffer::new(1024);
         let emergency_stop = Arc::new(EmergencyStop::new(parameters.heartbeat));
         emergency_stop.set_active(active);
         let node = self.node.part();
@@ -192,7 +192,7 @@ impl Work {
         }
         let thread = PublisherThread {
             publishers,
-            said,
+            outputs,
             services: Arc::clone(&services),
             cycle_ended: Arc::clone(&cycle_ended),
         };
@@ -207,7 +207,7 @@ impl Work {
             middleware: Middleware::new(node.stop().health(), parameters.middleware_timeout, parameters.period),
             cycle_log,
             stop: Arc::clone(&stop),
-            said: said_in,
+            outputs: outputs_in,
             publishers: publishers.thread().clone(),
             start_on_gait: parameters.start_on_gait,
         };

@@ -182,7 +182,7 @@ fn walk_and_break(bus: &str, how: &str, timeout: Duration) {
     gaits.push((1, prepared)).map_err(drop).unwrap();
     let ((_inertial, inertial), (_asked, asked)) = (RingBuffer::new(4), RingBuffer::new(4));
     // Nobody prints: what does not fit is dropped.
-    let (said, _said) = RingBuffer::new(4);
+    let (outputs, _outputs) = RingBuffer::new(4);
     let cycle = Cycle {
         controller: Controller::new(config.clone()).unwrap(),
         inertial,
@@ -193,7 +193,7 @@ fn walk_and_break(bus: &str, how: &str, timeout: Duration) {
         middleware: Middleware::new(health.clone(), Some(timeout), PERIOD),
         cycle_log,
         stop: Arc::default(),
-        said,
+        outputs,
         publishers: std::thread::current(),
         start_on_gait: true,
     };
