@@ -1,6 +1,6 @@
 //! The joints behind topics: `joint_states` in, `joint_command` out, as a [`JointBus`] for the control cycle. The
 //! cycle's side takes no lock and allocates nothing; two wait-free buffers join it to the middleware's threads,
-//! [`listen`] and [`Speaker`].
+//! [`listen`] and [`CommandPublisher`].
 
 use crate::inputs::{InputProblems, StateWatch, Topic};
 use crate::others::{COMMANDS, OtherSpeakers};
@@ -62,7 +62,7 @@ pub struct DdsBus {
     states: Consumer<StateMessage>,
     commands: Producer<CommandMessage>,
     /// To be woken when there is a command.
-    speaker: Option<Thread>,
+    publisher: Option<Thread>,
     clock: CycleClock,
     patience: Duration,
     held: Readings,
@@ -84,14 +84,14 @@ impl DdsBus {
     pub fn new(
         states: Consumer<StateMessage>,
         commands: Producer<CommandMessage>,
-        speaker: Option<Thread>,
+        publisher: Option<Thread>,
         clock: CycleClock,
         patience: Duration,
     ) -> Self {
         Self {
             states,
             commands,
-            speaker,
+            publisher,
             clock,
             patience,
             held: Readings::default(),
@@ -169,15 +169,15 @@ impl DdsBus {
         self.held.stamp = self.stamps.iter().flatten().min().copied();
     }
 
-    /// A full buffer means that the speaker has stalled; the receiver's own patience then ends in damping.
+    /// A full buffer means that the publisher has stalled; the receiver's own patience then ends in damping.
     fn send(&mut self, message: CommandMessage) {
         if self.commands.push(message).is_err() {
             self.health.full += 1;
             return;
         }
         self.health.sent += 1;
-        if let Some(speaker) = &self.speaker {
-            speaker.unpark();
+        if let Some(publisher) = &self.publisher {
+            publisher.unpark();
         }
     }
 }
@@ -263,7 +263,7 @@ pub fn listen(
 }
 
 /// The side of the topic `joint_command`.
-pub struct Speaker {
+pub struct CommandPublisher {
     commands: Consumer<CommandMessage>,
     publisher: Publisher<tandem_msgs::JointCommand>,
     names: [String; JOINTS],
@@ -273,7 +273,7 @@ pub struct Speaker {
     repeats: u64,
 }
 
-impl Speaker {
+impl CommandPublisher {
     /// Publishes what comes through `commands`; all of it, or not every repeated answer.
     ///
     /// # Errors
@@ -289,7 +289,7 @@ impl Speaker {
     }
 
     /// Publishes the next command that is worth it; `None`: there is no more.
-    pub fn speak(&mut self) -> Option<Result<(), PublishError>> {
+    pub fn publish_next(&mut self) -> Option<Result<(), PublishError>> {
         loop {
             let message = self.commands.pop().ok()?;
             let repeated = self.last.is_some_and(|last| last.stamp == message.stamp);

@@ -1,7 +1,7 @@
 //! The thread that publishes the cycle's output.
 
 use crate::cycle::{CycleOutput, Timing};
-use crate::dds_bus::Speaker;
+use crate::dds_bus::CommandPublisher;
 use crate::inputs::InputProblems;
 use crate::odometry::{self, Odometer};
 use crate::ports;
@@ -27,7 +27,7 @@ pub const OFFERED: Qos = Qos::reliable(10);
 /// The node's publishers.
 pub struct Publishers {
     /// Where the joints are behind topics.
-    speaker: Option<Speaker>,
+    commands_out: Option<CommandPublisher>,
     controller_state: Publisher<ControllerState>,
     /// Where the cycle itself reads the drives.
     joint_states: Option<Publisher<sensor_msgs::JointState>>,
@@ -57,18 +57,18 @@ struct Last {
 }
 
 impl Publishers {
-    /// Creates the publishers. Without a speaker the cycle reads the drives itself, and `joint_states` is published.
+    /// Creates the publishers. Without one for commands the cycle reads the drives itself, and `joint_states` is published.
     pub fn new(
         node: &Node,
         joint_names: [String; JOINTS],
         (state_every, joint_states_every): (u64, u64),
-        speaker: Option<Speaker>,
+        commands_out: Option<CommandPublisher>,
         recording: Arc<Recording>,
         problems: Arc<InputProblems>,
     ) -> Result<Self, RosError> {
         Ok(Self {
-            joint_states: speaker.is_none().then(|| node.publisher("joint_states", OFFERED)).transpose()?,
-            speaker,
+            joint_states: commands_out.is_none().then(|| node.publisher("joint_states", OFFERED)).transpose()?,
+            commands_out,
             controller_state: node.publisher("controller_state", OFFERED)?,
             diagnostics: node.publisher("/diagnostics", OFFERED)?,
             joint_names,
@@ -97,10 +97,10 @@ impl Publishers {
         loop {
             self.pulse.beat();
             let ended = cycle_ended.load(Ordering::Acquire);
-            self.speak();
+            self.publish_commands();
             while let Ok(cycle) = outputs.pop() {
                 self.print(&cycle, services);
-                self.speak();
+                self.publish_commands();
             }
             if ended {
                 return;
@@ -110,8 +110,8 @@ impl Publishers {
     }
 
     /// Commands first: the robot waits for them.
-    fn speak(&mut self) {
-        while let Some(sent) = self.speaker.as_mut().and_then(Speaker::speak) {
+    fn publish_commands(&mut self) {
+        while let Some(sent) = self.commands_out.as_mut().and_then(CommandPublisher::publish_next) {
             self.note(sent);
         }
     }

@@ -4,7 +4,7 @@
 
 use crate::config::{Pace, Parameters};
 use crate::cycle::{Cycle, Middleware};
-use crate::dds_bus::{CycleClock, DEPTH, DdsBus, Speaker};
+use crate::dds_bus::{CommandPublisher, CycleClock, DEPTH, DdsBus};
 use crate::drive;
 use crate::emergency_stop::EmergencyStop;
 use crate::inputs::InputProblems;
@@ -175,14 +175,16 @@ impl Work {
             lockstep,
         ));
         let joint_names = config.joint_names.each_ref().map(|name| format!("{}{name}", parameters.joint_prefix));
-        let speaker = (!on_bus).then(|| Speaker::new(&node, joint_names.clone(), commands, lockstep)).transpose()?;
+        let commands_out =
+            (!on_bus).then(|| CommandPublisher::new(&node, joint_names.clone(), commands, lockstep)).transpose()?;
         let every = (parameters.state_every, parameters.joint_states_every);
         parameters.drive.listen(&node, velocities_in, Arc::clone(&problems))?;
         let odometry_every =
             (1.0 / (parameters.drive.odometry_rate_hz * config.control_period_s)).round().max(1.0) as u64;
         let odometer = Odometer::new(&node, &config, &parameters.drive.frame_prefix, odometry_every, on_bus)?;
-        let publishers = Publishers::new(&node, joint_names.clone(), every, speaker, Arc::clone(&recording), problems)?
-            .with_odometry(odometer);
+        let publishers =
+            Publishers::new(&node, joint_names.clone(), every, commands_out, Arc::clone(&recording), problems)?
+                .with_odometry(odometer);
         let writer = std::thread::Builder::new().name("recording".into()).spawn(move || writer.run())?;
         if parameters.record_every_run
             // The robot walks without its recording; the fault stands in diagnostics until one begins.

@@ -7,7 +7,7 @@ use rtrb::{Consumer, Producer, RingBuffer};
 use std::sync::Arc;
 use std::sync::mpsc::{Receiver, channel};
 use std::time::{Duration, Instant};
-use tandem_controller::dds_bus::{CommandMessage, CycleClock, DEPTH, DdsBus, Speaker, StateMessage, listen};
+use tandem_controller::dds_bus::{CommandMessage, CommandPublisher, CycleClock, DEPTH, DdsBus, StateMessage, listen};
 use tandem_controller::others::OtherSpeakers;
 use tandem_msgs::builtin_interfaces::Time;
 use tandem_msgs::sensor_msgs::JointState;
@@ -21,7 +21,7 @@ const GAP: Duration = Duration::from_millis(200);
 /// The controller's side in one node, a robot of the bench's in another.
 struct Bench {
     bus: DdsBus,
-    speaker: Speaker,
+    commands_out: CommandPublisher,
     states: Publisher<JointState>,
     commands: Receiver<tandem_msgs::JointCommand>,
     names: [String; JOINTS],
@@ -40,7 +40,7 @@ impl Bench {
         let (commands_in, commands) = RingBuffer::new(DEPTH);
         let qos = Qos::reliable(10);
         listen(&controller, names.clone(), states_in, Some(std::thread::current()), qos, Arc::default()).unwrap();
-        let speaker = Speaker::new(&controller, names.clone(), commands, true).unwrap();
+        let commands_out = CommandPublisher::new(&controller, names.clone(), commands, true).unwrap();
         let bus = DdsBus::new(states, commands_in, None, CycleClock::JointStates, GAP);
         let (sender, receiver) = channel();
         robot
@@ -63,7 +63,7 @@ impl Bench {
         std::thread::sleep(Duration::from_millis(1000));
         Self {
             bus,
-            speaker,
+            commands_out,
             states,
             commands: receiver,
             names,
@@ -76,7 +76,7 @@ impl Bench {
     /// Brings the newest command over the topic.
     fn fetch(&mut self) {
         let mut expected = 0;
-        while let Some(sent) = self.speaker.speak() {
+        while let Some(sent) = self.commands_out.publish_next() {
             sent.unwrap();
             expected += 1;
         }
