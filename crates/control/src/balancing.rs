@@ -39,7 +39,7 @@ impl Snapshot {
         }
     }
 
-    /// A walk begins: in balance where that is asked for and an inertial unit was ever heard. `moving`: the robot
+    /// A walk begins: in balance where that is asked for and inertial data was ever received. `moving`: the robot
     /// already moves as the gait does.
     pub(crate) fn begin_law(&mut self, config: &Config, now: Duration, moving: bool) {
         let waits = self.estimate.health() == Health::Waiting;

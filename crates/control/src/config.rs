@@ -112,7 +112,7 @@ pub struct Config {
     pub over_temperature_c: f64,
     /// Joints slower than this count as at rest, rad/s.
     pub rest_velocity_rad_s: f64,
-    /// The balanced law, which is walked where an inertial unit is heard; none: the paper's law.
+    /// The balanced law, which is walked where inertial data is received; none: the paper's law.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub balance: Option<BalanceConfig>,
 }

@@ -194,7 +194,7 @@ pub enum Refusal {
     #[error("refused: no gait is loaded. Ask the planner for one, or load one from a file")]
     NoGait,
     /// The base's estimate is not good.
-    #[error("refused: the estimate of the base is not good. Is the inertial unit still heard, and does it make sense?")]
+    #[error("refused: the estimate of the base is not good. Is inertial data still received, and does it make sense?")]
     NoEstimate,
     /// A fault is latched.
     #[error("refused: a fault is latched. Read it in controller_state, cure it, and clear it by its name")]

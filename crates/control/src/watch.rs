@@ -8,7 +8,7 @@ use std::time::Duration;
 const JUMP_MARGIN_RAD: f64 = 0.1;
 /// Velocities this many times the limit are not believed.
 const IMPLAUSIBLE_VELOCITY: f64 = 3.0;
-/// A joint that was not heard for longer than this many control periods may have moved away and back.
+/// A joint that was not received for longer than this many control periods may have moved away and back.
 const HEARD_CYCLES: f64 = 10.0;
 
 /// What was measured, and for how long what is not as it should be.
@@ -24,14 +24,15 @@ pub(crate) struct Watch {
     pub still: [Option<Still>; JOINTS],
 }
 
-/// A joint that has not moved: where it is, between what it was commanded meanwhile, and when it was last heard.
+/// A joint that has not moved: where it is, between what it was commanded meanwhile, and when it was last received.
 #[derive(Clone, Copy, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(crate) struct Still {
     position_rad: f64,
     least_rad: f64,
     most_rad: f64,
-    heard: Duration,
+    #[serde(rename = "heard")]
+    received: Duration,
 }
 
 /// Faults that were found, the first report of each, in the order in which they were found.
@@ -176,12 +177,12 @@ impl Watch {
     /// ground.
     fn watch_stillness(&mut self, seen: &Seen, joint: usize, q: f64, found: &mut Found) {
         let commanded = seen.commanded_rad[joint];
-        let mut still = Still { position_rad: q, least_rad: commanded, most_rad: commanded, heard: seen.now };
-        // What was commanded while nothing was heard of the joint is not held against it.
+        let mut still = Still { position_rad: q, least_rad: commanded, most_rad: commanded, received: seen.now };
+        // What was commanded while nothing was received of the joint is not held against it.
         let gap = Duration::from_secs_f64(HEARD_CYCLES * seen.config.control_period_s);
         if let Some(last) = self.still[joint]
             && (q - last.position_rad).abs() < STILL_RAD
-            && seen.now.saturating_sub(last.heard) <= gap
+            && seen.now.saturating_sub(last.received) <= gap
         {
             still.position_rad = last.position_rad;
             still.least_rad = last.least_rad.min(commanded);
@@ -195,7 +196,7 @@ impl Watch {
         }
     }
 
-    /// Whether every joint was heard lately.
+    /// Whether every joint was received lately.
     pub fn is_fresh(&self, config: &Config, now: Duration) -> bool {
         let timeout = Duration::from_secs_f64(config.state_timeout_s);
         self.joints.is_some_and(|s| s.arrived.iter().all(|arrived| now.saturating_sub(*arrived) <= timeout))

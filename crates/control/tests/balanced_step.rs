@@ -253,7 +253,7 @@ fn a_unit_that_falls_silent_is_estimate_lost() {
     assert!(output.faults.contains(Fault::EstimateLost), "{:?}", output.faults);
     assert!(cycles <= 20 + 50 + 2, "{cycles}");
     measured("a_unit_that_falls_silent_is_estimate_lost", cycles);
-    // It does not walk again before the unit is heard.
+    // It does not walk again before inertial data is received.
     bench.cycle(&[Request::ClearFault(Fault::EstimateLost)]);
     bench.cycle(&[Request::Disarm]);
     let refused = bench.cycle(&[Request::StartOnGait]);

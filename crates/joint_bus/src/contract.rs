@@ -91,7 +91,7 @@ pub fn check_contract(bench: &mut impl ContractBench) {
         bench.act(now, &q, &v, Some(4));
         bench.bus().read(now, &mut readings);
     }
-    let state = readings.joint_state().expect("every joint was heard once");
+    let state = readings.joint_state().expect("every joint was received once");
     assert!(arrived_at(state.arrived[4], since), "the silent joint: {:?}, since {since:?}", state.arrived[4]);
     let others = (0..JOINTS).filter(|j| *j != 4).all(|j| arrived_at(state.arrived[j], now));
     assert!(others, "the others: {:?}, now {now:?}", state.arrived);

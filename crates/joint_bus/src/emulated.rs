@@ -53,7 +53,7 @@ pub struct EmulatedDrive {
     tripped: bool,
     command: DriveCommand,
     pending: [Option<(Duration, DriveCommand)>; PIPELINE],
-    heard: Duration,
+    received: Duration,
     zero_rad: f64,
     torque_nm: f64,
     temperature_c: f64,
@@ -76,7 +76,7 @@ impl EmulatedDrive {
             tripped: false,
             command: DriveCommand::default(),
             pending: [None; PIPELINE],
-            heard: Duration::ZERO,
+            received: Duration::ZERO,
             zero_rad: 0.0,
             torque_nm: 0.0,
             temperature_c: model.ambient_c,
@@ -108,7 +108,7 @@ impl EmulatedDrive {
     pub fn receive(&mut self, protocol: &impl Protocol, frame: &Frame, now: Duration, q: f64, v: f64) -> Option<Frame> {
         let request = protocol.decode_request(self.id, &self.ranges, frame)?;
         if request != DriveRequest::Query {
-            self.heard = now;
+            self.received = now;
         }
         match request {
             DriveRequest::Query => {}
@@ -169,7 +169,7 @@ impl EmulatedDrive {
         let limits = self.command.limits;
         // What cannot be a time or a torque is none.
         let told = limits.watchdog_s.and_then(|seconds| Duration::try_from_secs_f64(seconds).ok());
-        if self.following && now.saturating_sub(self.heard) > told.unwrap_or(self.model.watchdog) {
+        if self.following && now.saturating_sub(self.received) > told.unwrap_or(self.model.watchdog) {
             self.tripped = true;
         }
         let c = &self.command;

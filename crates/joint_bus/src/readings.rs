@@ -20,7 +20,7 @@ pub struct Readings {
     pub temperature_c: Option<[f64; JOINTS]>,
     /// Error codes of the drives, 0 for none.
     pub drive_error: [u8; JOINTS],
-    /// When each joint was heard last, on the clock of `now`; `None`: never.
+    /// When each joint was received last, on the clock of `now`; `None`: never.
     pub arrived: [Option<Duration>; JOINTS],
 }
 
@@ -40,7 +40,7 @@ impl Default for Readings {
 }
 
 impl Readings {
-    /// The controller's input, once every joint has been heard.
+    /// The controller's input, once every joint has been received.
     pub fn joint_state(&self) -> Option<JointState> {
         let mut arrived = [Duration::ZERO; JOINTS];
         for (to, from) in arrived.iter_mut().zip(self.arrived) {

@@ -233,7 +233,7 @@ fn frames_late_by_one_to_ten_milliseconds_are_walked_on() {
     }
 }
 
-/// A second controller on the bus: its commands are heard, and the replies to them.
+/// A second controller on the bus: its commands are received, and the replies to them.
 #[test]
 fn a_second_controller_on_the_bus_is_a_fault_within_five_cycles() {
     let mut slowest = 0;
@@ -278,7 +278,7 @@ fn a_bus_is_listened_to_before_the_first_frame() {
     assert!(robot.bench.bus().health().links.iter().all(|link| link.sent == 0));
 }
 
-/// Where its commands are not heard, the surplus of replies is.
+/// Where its commands are not received, the surplus of replies is.
 #[test]
 fn twice_as_many_replies_as_requests_are_a_fault_within_five_cycles() {
     let mut robot = Robot::walking();

@@ -65,7 +65,7 @@ pub struct Departure {
     id: [u8; 16],
     /// How much of the identity counts.
     length: usize,
-    /// They said so; else they were not heard for their lease.
+    /// They said so; else they were not received for their lease.
     pub in_order: bool,
 }
 

@@ -294,7 +294,7 @@ impl Node {
         &self.core.namespace
     }
 
-    /// Simulated time where the parameter `use_sim_time` says so (0 until a clock is heard), else the wall clock.
+    /// Simulated time where the parameter `use_sim_time` says so (0 until a clock is received), else the wall clock.
     #[must_use]
     pub fn now(&self) -> Time {
         self.clock.now()

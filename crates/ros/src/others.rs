@@ -58,7 +58,7 @@ impl Node {
         let core = Arc::clone(&self.core);
         let topic = format!("rt{}", core.full_name(topic, Subject::Topic)?);
         let type_name = MessageTypeName::new(M::PACKAGE, M::NAME).dds_msg_type();
-        // Heard from before the first count, so that none comes between.
+        // Watched from before the first count, so that none comes between.
         let mut came = core.matches.announcements().listen(&topic, &type_name);
         let mut gone = core.departures();
         self.spawn(async move {

@@ -33,7 +33,7 @@ pub struct ServeOptions<S: Service> {
 
 impl<S: Service> Default for ServeOptions<S> {
     /// [`WAITING`] requests wait for their turn. Those beyond are refused where the response can say so; else they get
-    /// no answer, as if the queue had not heard them.
+    /// no answer, as if they had not reached the queue.
     fn default() -> Self {
         ServeOptions { waiting: WAITING, parallel: 1, refuse: None }
     }

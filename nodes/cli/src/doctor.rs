@@ -183,7 +183,7 @@ fn examine(arguments: &Arguments) -> Result<Vec<Finding>> {
     });
     if !all_up && asked {
         findings.push(warning(
-            "what the drives say was heard on interfaces that are not as they should be",
+            "what the drives say was received on interfaces that are not as they should be",
             "mend the interfaces first, then look again",
         ));
     }

@@ -49,9 +49,9 @@ const PATH_POINTS: usize = 25;
 /// Of the four feet's paths those are swinging that rise by at least this share of the highest.
 const SWING_SHARE: f64 = 0.5;
 
-/// What was heard last.
+/// What was received last.
 #[derive(Default)]
-struct Heard {
+struct Received {
     joints: Option<JointState>,
     odometry: bool,
     base: Quaternion,
@@ -75,8 +75,8 @@ pub fn run(arguments: &Arguments) -> Result<ExitCode> {
     let line = std::iter::once("tandem".to_owned()).chain(arguments.ros.iter().cloned());
     let (ros_arguments, _) = ros::Arguments::from_line(line)?;
     let node = Node::start("show", &ros_arguments)?;
-    let heard = Arc::new(Mutex::new(Heard::default()));
-    listen(&node, &heard, &shapes.robot)?;
+    let received = Arc::new(Mutex::new(Received::default()));
+    listen(&node, &received, &shapes.robot)?;
     let frames = node.publisher::<TFMessage>("/tf", Qos::reliable(100))?;
     let markers = node.publisher::<MarkerArray>("markers", Qos::reliable(10))?;
     let description = node.publisher::<std_msgs::String>("robot_description", Qos::latched())?;
@@ -86,7 +86,7 @@ pub fn run(arguments: &Arguments) -> Result<ExitCode> {
     let mut failures = 0_u64;
     while !node.stop().is_requested() {
         std::thread::sleep(period);
-        let picture = shapes.picture(&heard.lock().unwrap_or_else(PoisonError::into_inner));
+        let picture = shapes.picture(&received.lock().unwrap_or_else(PoisonError::into_inner));
         let Some((tf, array)) = picture else { continue };
         for sent in [frames.publish(tf), markers.publish(array)] {
             if let Err(error) = sent {
@@ -101,46 +101,46 @@ pub fn run(arguments: &Arguments) -> Result<ExitCode> {
     Ok(ExitCode::SUCCESS)
 }
 
-fn listen(node: &Node, heard: &Arc<Mutex<Heard>>, robot: &Robot) -> Result<()> {
+fn listen(node: &Node, received: &Arc<Mutex<Received>>, robot: &Robot) -> Result<()> {
     fn hear<M: tandem_msgs::Message>(
         node: &Node,
         topic: &str,
         qos: Qos,
-        heard: &Arc<Mutex<Heard>>,
-        take: impl Fn(&mut Heard, M) + Send + 'static,
+        received: &Arc<Mutex<Received>>,
+        take: impl Fn(&mut Received, M) + Send + 'static,
     ) -> Result<()> {
-        let heard = Arc::clone(heard);
+        let received = Arc::clone(received);
         // What is there was put there whole, also by a callback that panicked later.
         node.subscribe(topic, qos, move |message: M| {
-            take(&mut heard.lock().unwrap_or_else(PoisonError::into_inner), message);
+            take(&mut received.lock().unwrap_or_else(PoisonError::into_inner), message);
         })?;
         Ok(())
     }
     let sensor = Qos::best_effort(1);
-    hear(node, "joint_states", sensor, heard, |heard, message: JointState| heard.joints = Some(message))?;
-    hear(node, "odom", sensor, heard, |heard, message: Odometry| {
-        (heard.odometry, heard.base) = (true, message.pose.pose.orientation);
+    hear(node, "joint_states", sensor, received, |received, message: JointState| received.joints = Some(message))?;
+    hear(node, "odom", sensor, received, |received, message: Odometry| {
+        (received.odometry, received.base) = (true, message.pose.pose.orientation);
     })?;
     for (leg, name) in robot.legs.iter().map(|leg| leg.name.as_str()).enumerate() {
-        hear(node, &format!("ground_force/{name}"), sensor, heard, move |heard, message: WrenchStamped| {
+        hear(node, &format!("ground_force/{name}"), sensor, received, move |received, message: WrenchStamped| {
             let force = message.wrench.force;
-            heard.force_n[leg] = Some([force.x, force.y, force.z]);
+            received.force_n[leg] = Some([force.x, force.y, force.z]);
         })?;
     }
-    hear(node, "controller_state", Qos::best_effort(1), heard, |heard, message: ControllerState| {
-        heard.state = Some(message);
+    hear(node, "controller_state", Qos::best_effort(1), received, |received, message: ControllerState| {
+        received.state = Some(message);
     })?;
-    hear(node, "gait", Qos::latched(), heard, |heard, message: tandem_msgs::Gait| match message.to_gait() {
-        Ok(gait) => heard.gait = Some(gait),
+    hear(node, "gait", Qos::latched(), received, |received, message: tandem_msgs::Gait| match message.to_gait() {
+        Ok(gait) => received.gait = Some(gait),
         Err(error) => {
             let line = format!("gait \"{}\" is not shown: {error}", message.name);
             note!("{}", printable(&line, SENTENCE_CHARS));
         }
     })?;
     // In a bag the gait is a file's text.
-    hear(node, "gait_file", Qos::latched(), heard, |heard, message: std_msgs::String| {
+    hear(node, "gait_file", Qos::latched(), received, |received, message: std_msgs::String| {
         match Gait::from_json(&message.data) {
-            Ok(gait) => heard.gait = Some(gait),
+            Ok(gait) => received.gait = Some(gait),
             Err(error) => note!("the gait is not shown: {}", printable(&error.to_string(), SENTENCE_CHARS)),
         }
     })?;
@@ -181,14 +181,14 @@ impl Shapes {
         frame_position(&self.robot.model, &self.data, self.robot.legs[leg].toe).into()
     }
 
-    fn picture(&mut self, heard: &Heard) -> Option<(TFMessage, MarkerArray)> {
-        let message = heard.joints.as_ref()?;
+    fn picture(&mut self, received: &Received) -> Option<(TFMessage, MarkerArray)> {
+        let message = received.joints.as_ref()?;
         let mut joints = [0.0; JOINTS];
         for (joint, name) in joints.iter_mut().zip(&self.names) {
             *joint = *message.position.get(message.name.iter().position(|n| n == name)?)?;
         }
         let stamp = message.header.stamp;
-        let mut markers = self.swing_paths(heard, stamp);
+        let mut markers = self.swing_paths(received, stamp);
         self.place(&joints);
         let transforms = self
             .links
@@ -206,7 +206,7 @@ impl Shapes {
             .collect();
         for leg in 0..LEGS {
             let toe = self.toe(leg);
-            let force = heard.force_n[leg].unwrap_or_default();
+            let force = received.force_n[leg].unwrap_or_default();
             let stands = force[2] > STANDS_N;
             let radius = 2.0 * self.robot.toe_radius_m;
             markers.push(Marker {
@@ -217,11 +217,11 @@ impl Shapes {
                 ..marker("feet", leg, stamp)
             });
             // World axes to the base's: the inverse of the base's rotation.
-            let q = heard.base;
+            let q = received.base;
             let arrow = rotate([-q.x, -q.y, -q.z, q.w], force);
             markers.push(Marker {
                 r#type: ARROW,
-                action: if stands && heard.odometry { ADD } else { DELETE },
+                action: if stands && received.odometry { ADD } else { DELETE },
                 points: vec![point(toe), point(std::array::from_fn(|i| toe[i] + ARROW_M_PER_N * arrow[i]))],
                 scale: Vector3 { x: 0.012, y: 0.03, z: 0.04 },
                 color: RED,
@@ -232,10 +232,10 @@ impl Shapes {
     }
 
     /// The paths that the toes are planned to go in this step, as seen from the base.
-    fn swing_paths(&mut self, heard: &Heard, stamp: Time) -> Vec<Marker> {
-        let walking = heard.state.as_ref().filter(|state| state.mode == "walking");
+    fn swing_paths(&mut self, received: &Received, stamp: Time) -> Vec<Marker> {
+        let walking = received.state.as_ref().filter(|state| state.mode == "walking");
         let mut paths: [Vec<[f64; 3]>; LEGS] = Default::default();
-        if let (Some(state), Some(gait)) = (walking, &heard.gait) {
+        if let (Some(state), Some(gait)) = (walking, &received.gait) {
             let side = StepSide::of_step(state.step_index);
             for n in 0..PATH_POINTS {
                 let (joints, _) = gait.planned(side, n as f64 / (PATH_POINTS - 1) as f64);
@@ -352,9 +352,9 @@ mod tests {
         let text = include_str!("../../../tests/gaits/amble.json");
         let gait = Gait::from_json(text).unwrap();
         let mut shapes = Shapes::new(robot).unwrap();
-        assert!(shapes.picture(&Heard::default()).is_none(), "nothing was heard");
+        assert!(shapes.picture(&Received::default()).is_none(), "nothing was received");
         let names = shapes.robot.joint_names();
-        let mut heard = Heard {
+        let mut received = Received {
             // Another order of the joints, as other publishers have it.
             joints: Some(JointState {
                 name: names.iter().rev().cloned().collect(),
@@ -367,7 +367,7 @@ mod tests {
             gait: Some(gait),
             state: Some(ControllerState { mode: "walking".into(), ..ControllerState::default() }),
         };
-        let (tf, array) = shapes.picture(&heard).unwrap();
+        let (tf, array) = shapes.picture(&received).unwrap();
         assert_eq!(tf.transforms.len(), 18, "four links a leg, torso and inertial unit");
         assert!(tf.transforms.iter().all(|t| t.header.frame_id == "base_link"));
         let toe = tf.transforms.iter().find(|t| t.child_frame_id == "front_left_toe").unwrap().transform.translation;
@@ -379,10 +379,10 @@ mod tests {
         assert_eq!(shown(&array, "ground_force"), [0, 3]);
         let first = shown(&array, "swing_path");
         assert_eq!(first.len(), 2, "two feet swing: {first:?}");
-        heard.state.as_mut().unwrap().step_index = 1;
-        let second = shown(&shapes.picture(&heard).unwrap().1, "swing_path");
+        received.state.as_mut().unwrap().step_index = 1;
+        let second = shown(&shapes.picture(&received).unwrap().1, "swing_path");
         assert!(second.len() == 2 && second.iter().all(|leg| !first.contains(leg)), "then the other two: {second:?}");
-        heard.state.as_mut().unwrap().mode = "standing".into();
-        assert!(shown(&shapes.picture(&heard).unwrap().1, "swing_path").is_empty());
+        received.state.as_mut().unwrap().mode = "standing".into();
+        assert!(shown(&shapes.picture(&received).unwrap().1, "swing_path").is_empty());
     }
 }

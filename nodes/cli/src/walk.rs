@@ -183,7 +183,7 @@ impl<'a> Session<'a> {
                 bail!("the controller stopped: {} ({})", state.fault, state.mode);
             }
             if Instant::now() >= deadline {
-                let now = state.map_or("nothing was heard of it".into(), |state| format!("it is {}", state.mode));
+                let now = state.map_or("nothing was received of it".into(), |state| format!("it is {}", state.mode));
                 bail!("the controller was not {mode} within {} s: {now}", MODE_PATIENCE.as_secs());
             }
             std::thread::sleep(Duration::from_millis(5));

@@ -95,8 +95,8 @@ fn hear(node: &Node, topic: &str, qos: Qos) -> Receiver<String> {
     receiver
 }
 
-fn next(heard: &Receiver<String>, count: usize) -> Vec<String> {
-    (0..count).map(|_| heard.recv_timeout(PATIENCE).expect("a message comes")).collect()
+fn next(received: &Receiver<String>, count: usize) -> Vec<String> {
+    (0..count).map(|_| received.recv_timeout(PATIENCE).expect("a message comes")).collect()
 }
 
 /// One test, because a process has one node.
@@ -140,17 +140,17 @@ fn latched_messages_of_all_publishers_come_first(node: &Node, folder: &Path) {
     let notes = ("/notes", "std_msgs/msg/String", "cdr", latched, vec![0, 10, 20]);
     let words = ("/beat", "std_msgs/msg/String", "cdr", offer(10, false, true), words);
     write_bag(&folder.join("latched.mcap"), &[notes, words]);
-    let heard = hear(node, "/notes", Qos::transient_local(10));
+    let received = hear(node, "/notes", Qos::transient_local(10));
     let beat = hear(node, "/beat", Qos::reliable(1000));
     let mut player = Player::start(&["latched.mcap", "--start", "8", "--rate", "2", "--loop", "--delay", "3"], folder);
-    assert_eq!(next(&heard, 3), ["0", "1", "2"], "at the start");
+    assert_eq!(next(&received, 3), ["0", "1", "2"], "at the start");
     assert_eq!(next(&beat, 1), ["160"], "then from the start on");
     let late = hear(node, "/notes", Qos::transient_local(10));
     assert_eq!(next(&late, 3), ["0", "1", "2"], "for one who comes late");
-    assert_eq!(next(&heard, 3), ["0", "1", "2"], "when it begins again");
+    assert_eq!(next(&received, 3), ["0", "1", "2"], "when it begins again");
     while next(&beat, 1) != ["160"] {}
     player.say("seek 9");
-    assert_eq!(next(&heard, 3), ["0", "1", "2"], "after a seek");
+    assert_eq!(next(&received, 3), ["0", "1", "2"], "after a seek");
     while next(&beat, 1) != ["180"] {}
     player.say("quit");
     player.ends();
@@ -165,9 +165,9 @@ fn what_cannot_be_played_is_named_and_the_rest_played(node: &Node, folder: &Path
         ("/rest", "std_msgs/msg/String", "cdr", all(), vec![5, 10]),
     ];
     write_bag(&folder.join("mixed.mcap"), &topics);
-    let heard = hear(node, "/rest", Qos::reliable(10));
+    let received = hear(node, "/rest", Qos::reliable(10));
     let said = Player::start(&["mixed.mcap", "--delay", "3"], folder).ends();
-    assert_eq!(next(&heard, 2), ["0", "1"]);
+    assert_eq!(next(&received, 2), ["0", "1"]);
     assert!(said.contains("/json is not played: its messages are in 'json'"), "{said}");
     assert!(said.contains("/proto is not played: its type is 'foxglove.Pose'"), "{said}");
     assert!(!said.contains("/idl is not played"), "{said}");

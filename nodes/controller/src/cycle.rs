@@ -102,7 +102,7 @@ impl Middleware {
         Self { health, timeout, pulse, silence: Silence::new(2 * period) }
     }
 
-    /// Whether the stop may not be heard any more. Wait-free.
+    /// Whether the stop may not be received any more. Wait-free.
     fn has_failed(&mut self, wall: Duration) -> bool {
         self.pulse.beat();
         if let Some(timeout) = self.timeout {
@@ -325,10 +325,10 @@ struct Memory {
 
 impl Memory {
     /// A velocity that waited for its cycle is as old as that: none from before the cycle ran is new to it.
-    fn command(&self, heard: TimedVelocity, now: Duration, wall: Duration) -> VelocityCommand {
+    fn command(&self, received: TimedVelocity, now: Duration, wall: Duration) -> VelocityCommand {
         // In lockstep time may stand still.
-        let age = if self.lockstep { Duration::ZERO } else { wall.saturating_sub(heard.wall) };
-        VelocityCommand { velocity: heard.velocity, arrived: now.saturating_sub(age) }
+        let age = if self.lockstep { Duration::ZERO } else { wall.saturating_sub(received.wall) };
+        VelocityCommand { velocity: received.velocity, arrived: now.saturating_sub(age) }
     }
 
     fn age(&self, unit: &TimedInertial, now: Duration, wall: Duration) -> Duration {
@@ -381,11 +381,11 @@ mod tests {
     #[test]
     fn a_velocity_that_waited_while_no_cycle_ran_is_not_walked() {
         let velocity = Velocity { forward_m_s: 0.3, ..Velocity::default() };
-        let heard = TimedVelocity { velocity, wall: Duration::from_secs(100) };
+        let received = TimedVelocity { velocity, wall: Duration::from_secs(100) };
         // The cycle's clock is another than the machine's.
         let at = |waited: Duration, lockstep: bool| {
             let memory = Memory { lockstep, ..Memory::default() };
-            memory.command(heard, Duration::from_secs(7), heard.wall + waited).at(Duration::from_secs(7), 0.5)
+            memory.command(received, Duration::from_secs(7), received.wall + waited).at(Duration::from_secs(7), 0.5)
         };
         assert_eq!(at(Duration::from_millis(400), false), velocity);
         assert_eq!(at(Duration::from_millis(600), false), Velocity::default());

@@ -18,7 +18,7 @@ pub const DEPTH: usize = 64;
 /// What the parameters say of balance and driving.
 #[derive(Clone, Debug)]
 pub struct DriveParameters {
-    /// The balanced law is walked, where an inertial unit is heard.
+    /// The balanced law is walked, where inertial data is received.
     pub balance: bool,
     /// `cmd_vel` is a TwistStamped.
     pub stamped: bool,
@@ -80,7 +80,7 @@ impl DriveParameters {
                 problems.note(Topic::CmdVel, text, monotonic_now());
             }
         };
-        // Whoever publishes best effort or reliably is heard.
+        // Whoever publishes best effort or reliably is received.
         let qos = Qos::best_effort(10);
         if self.stamped {
             node.subscribe("cmd_vel", qos, move |message: TwistStamped| hear(&message.twist))

@@ -53,7 +53,7 @@ pub struct EmergencyStop {
     levels: [Level; PUBLISHERS],
     known: Mutex<[Option<Known>; PUBLISHERS]>,
     /// Monotonic time of the last message of anyone, ns.
-    heard_ns: AtomicU64,
+    received_ns: AtomicU64,
     /// Longest silence, ns; 0: silence means nothing.
     heartbeat_ns: u64,
 }
@@ -63,7 +63,7 @@ fn ns(time: Duration) -> u64 {
 }
 
 impl EmergencyStop {
-    /// Released. With a heartbeat, pressed until the topic is heard.
+    /// Released. With a heartbeat, pressed until the topic is received.
     pub fn new(heartbeat: Option<Duration>) -> Self {
         Self { heartbeat_ns: heartbeat.map_or(0, ns), ..Self::default() }
     }
@@ -91,11 +91,11 @@ impl EmergencyStop {
     }
 
     /// A publisher of the topic sent a message. False: there are too many publishers, and that counts as pressed.
-    pub fn heard(&self, id: PublisherId, pressed: bool, wall: Duration) -> bool {
+    pub fn received(&self, id: PublisherId, pressed: bool, wall: Duration) -> bool {
         // First of all: nothing that follows may lose it.
         self.latch(pressed);
         let mut known = self.known.lock().unwrap_or_else(PoisonError::into_inner);
-        self.heard_ns.store(ns(wall), Ordering::Release);
+        self.received_ns.store(ns(wall), Ordering::Release);
         let place = known.iter().position(|known| known.is_some_and(|known| known.id == id));
         let Some(place) = place.or_else(|| self.free_place(&mut known, wall)) else {
             self.overflow.store(true, Ordering::Release);
@@ -106,7 +106,7 @@ impl EmergencyStop {
             && before.is_some_and(|before| ns(wall.saturating_sub(before.last)) <= self.heartbeat_ns);
         let is_heartbeat = before.is_some_and(|before| before.is_heartbeat) || soon;
         known[place] = Some(Known { id, last: wall, pressed, is_heartbeat, gone: Gone::No });
-        // A level that is to be pressed is so before it counts as heard.
+        // A level that is to be pressed is so before it counts as received.
         let level = &self.levels[place];
         level.pressed.store(pressed, Ordering::Release);
         level.heartbeat_ns.store(if is_heartbeat { ns(wall) } else { 0 }, Ordering::Release);
@@ -145,14 +145,14 @@ impl EmergencyStop {
     pub fn is_pressed(&self, wall: Duration) -> bool {
         let presses = self.presses.load(Ordering::Acquire);
         let latched = self.seen.swap(presses, Ordering::Relaxed) != presses;
-        let silent = |heard: u64| ns(wall).saturating_sub(heard) > self.heartbeat_ns;
+        let silent = |received: u64| ns(wall).saturating_sub(received) > self.heartbeat_ns;
         let by_topic = self.levels.iter().any(|level| {
-            let heard = level.heartbeat_ns.load(Ordering::Acquire);
-            level.pressed.load(Ordering::Acquire) || (heard > 0 && silent(heard))
+            let received = level.heartbeat_ns.load(Ordering::Acquire);
+            level.pressed.load(Ordering::Acquire) || (received > 0 && silent(received))
         });
         let unheard = self.heartbeat_ns > 0 && {
-            let heard = self.heard_ns.load(Ordering::Acquire);
-            heard == 0 || silent(heard)
+            let received = self.received_ns.load(Ordering::Acquire);
+            received == 0 || silent(received)
         };
         latched
             || by_topic
@@ -219,8 +219,8 @@ mod tests {
     #[test]
     fn a_press_is_seen_by_one_cycle_though_it_is_taken_back_before() {
         let stop = EmergencyStop::new(None);
-        stop.heard(id(1), true, NOW);
-        stop.heard(id(1), false, NOW);
+        stop.received(id(1), true, NOW);
+        stop.received(id(1), false, NOW);
         assert!(stop.is_pressed(NOW));
         assert!(!stop.is_pressed(NOW));
         stop.set_by_service(true, NOW);
@@ -236,15 +236,15 @@ mod tests {
     #[test]
     fn what_others_say_does_not_release_a_publishers_press() {
         let stop = EmergencyStop::new(None);
-        stop.heard(id(2), false, NOW);
-        stop.heard(id(1), true, NOW);
+        stop.received(id(2), false, NOW);
+        stop.received(id(1), true, NOW);
         for n in 0..100 {
-            stop.heard(id(2), false, NOW + n * MS);
+            stop.received(id(2), false, NOW + n * MS);
             assert!(stop.is_pressed(NOW + n * MS));
         }
         stop.set_by_service(false, NOW);
         assert!(stop.is_pressed(NOW), "neither does the service: the button is there and can be let go");
-        stop.heard(id(1), false, NOW);
+        stop.received(id(1), false, NOW);
         assert!(!stop.is_pressed(NOW + MS));
     }
 
@@ -260,44 +260,44 @@ mod tests {
         assert!(stop.is_pressed(NOW) && stop.is_pressed(NOW));
         stop.set_active(true);
         assert!(!stop.is_pressed(NOW));
-        stop.heard(id(1), false, NOW);
+        stop.received(id(1), false, NOW);
         assert!(!stop.is_pressed(NOW + Duration::from_secs(1000)), "without a heartbeat silence means nothing");
     }
 
     #[test]
     fn a_heartbeat_that_stops_is_a_press_though_others_talk() {
         let stop = EmergencyStop::new(Some(500 * MS));
-        assert!(stop.is_pressed(NOW), "not heard yet");
+        assert!(stop.is_pressed(NOW), "not received yet");
         for n in 0..20 {
-            stop.heard(id(1), false, NOW + n * 50 * MS);
-            stop.heard(id(2), false, NOW + n * 50 * MS);
+            stop.received(id(1), false, NOW + n * 50 * MS);
+            stop.received(id(2), false, NOW + n * 50 * MS);
         }
         let mut now = NOW + 950 * MS;
         assert!(!stop.is_pressed(now));
         for _ in 0..12 {
             now += 50 * MS;
-            stop.heard(id(2), false, now);
+            stop.received(id(2), false, now);
         }
         assert!(stop.is_pressed(now), "the first one is silent");
-        stop.heard(id(3), false, now);
+        stop.received(id(3), false, now);
         assert!(stop.is_pressed(now), "a newcomer does not stand in for it");
-        stop.heard(id(1), false, now);
+        stop.received(id(1), false, now);
         assert!(!stop.is_pressed(now), "it is back");
     }
 
     #[test]
     fn one_message_makes_no_heartbeat() {
         let stop = EmergencyStop::new(Some(500 * MS));
-        stop.heard(id(1), true, NOW);
-        stop.heard(id(2), false, NOW);
+        stop.received(id(1), true, NOW);
+        stop.received(id(2), false, NOW);
         stop.left(leaves(1, true));
         assert!(stop.is_pressed(NOW));
-        stop.heard(id(3), false, NOW + 50 * MS);
+        stop.received(id(3), false, NOW + 50 * MS);
         stop.left(leaves(3, true));
         let mut now = NOW + 50 * MS;
         for _ in 0..100 {
             now += 50 * MS;
-            stop.heard(id(2), false, now);
+            stop.received(id(2), false, now);
         }
         stop.is_pressed(now);
         assert!(!stop.is_pressed(now), "neither the one nor the other is missed");
@@ -307,15 +307,15 @@ mod tests {
     fn a_heartbeat_that_takes_its_leave_is_not_missed_but_somebody_must_be_heard() {
         let stop = EmergencyStop::new(Some(500 * MS));
         for n in 0..3 {
-            stop.heard(id(1), false, NOW + n * 50 * MS);
-            stop.heard(id(2), false, NOW + n * 50 * MS);
+            stop.received(id(1), false, NOW + n * 50 * MS);
+            stop.received(id(2), false, NOW + n * 50 * MS);
         }
         stop.left(leaves(1, true));
-        stop.heard(id(2), false, NOW + 590 * MS);
+        stop.received(id(2), false, NOW + 590 * MS);
         assert!(!stop.is_pressed(NOW + 700 * MS));
         stop.left(leaves(2, true));
         assert!(!stop.is_pressed(NOW + 700 * MS));
-        assert!(stop.is_pressed(NOW + 1200 * MS), "nobody is heard");
+        assert!(stop.is_pressed(NOW + 1200 * MS), "no publisher is received");
     }
 
     #[test]
@@ -323,21 +323,21 @@ mod tests {
         for by_service in [true, false] {
             let stop = EmergencyStop::new(Some(500 * MS));
             for n in 0..3 {
-                stop.heard(id(1), false, NOW + n * 50 * MS);
-                stop.heard(id(2), true, NOW + n * 50 * MS);
-                stop.heard(id(3), false, NOW + n * 50 * MS);
+                stop.received(id(1), false, NOW + n * 50 * MS);
+                stop.received(id(2), true, NOW + n * 50 * MS);
+                stop.received(id(3), false, NOW + n * 50 * MS);
             }
             stop.left(leaves(1, false));
             stop.left(leaves(2, false));
             let now = NOW + 150 * MS;
-            stop.heard(id(3), false, now);
-            stop.heard(id(4), false, now);
+            stop.received(id(3), false, now);
+            stop.received(id(4), false, now);
             assert!(stop.is_pressed(now) && stop.is_pressed(now));
             if by_service {
                 stop.set_by_service(false, now);
             } else {
-                stop.heard(id(4), true, now);
-                stop.heard(id(4), false, now);
+                stop.received(id(4), true, now);
+                stop.received(id(4), false, now);
                 assert!(stop.is_pressed(now), "the press was one");
             }
             assert!(!stop.is_pressed(now), "by service: {by_service}");
@@ -347,12 +347,12 @@ mod tests {
     #[test]
     fn a_press_whose_publisher_took_its_leave_stays_until_the_next_one_says_otherwise() {
         let stop = EmergencyStop::new(None);
-        stop.heard(id(1), false, NOW);
-        stop.heard(id(2), true, NOW);
+        stop.received(id(1), false, NOW);
+        stop.received(id(2), true, NOW);
         stop.left(leaves(2, true));
-        stop.heard(id(1), false, NOW);
+        stop.received(id(1), false, NOW);
         assert!(stop.is_pressed(NOW) && stop.is_pressed(NOW), "one who talked all the time releases nothing");
-        stop.heard(id(3), false, NOW);
+        stop.received(id(3), false, NOW);
         assert!(!stop.is_pressed(NOW));
     }
 
@@ -361,15 +361,15 @@ mod tests {
         let stop = EmergencyStop::new(None);
         let now = NOW + 1500 * MS;
         for n in 0..PUBLISHERS as u8 {
-            assert!(stop.heard(id(n), false, now));
+            assert!(stop.received(id(n), false, now));
         }
         assert!(!stop.is_pressed(now));
-        assert!(!stop.heard(id(200), false, now));
+        assert!(!stop.received(id(200), false, now));
         assert!(stop.is_pressed(now) && stop.is_pressed(now));
         stop.set_by_service(false, now);
         assert!(!stop.is_pressed(now));
-        // Those that were not heard for a while make room.
-        assert!(stop.heard(id(200), false, now + 1001 * MS));
-        assert!(!stop.heard(id(201), true, now + 500 * MS), "nobody has been silent for long");
+        // Those that were not received for a while make room.
+        assert!(stop.received(id(200), false, now + 1001 * MS));
+        assert!(!stop.received(id(201), true, now + 500 * MS), "nobody has been silent for long");
     }
 }

@@ -118,19 +118,19 @@ pub fn joint_command(message: &CommandMessage, names: &[String; JOINTS]) -> Join
     }
 }
 
-/// What was read from the drives. Joints that were never heard are left out.
+/// What was read from the drives. Joints that were never received are left out.
 pub fn joint_states(
     readings: &joint_bus::Readings,
     names: &[String; JOINTS],
     answered: Duration,
 ) -> sensor_msgs::JointState {
-    let heard = || (0..JOINTS).filter(|j| readings.arrived[*j].is_some());
+    let received = || (0..JOINTS).filter(|j| readings.arrived[*j].is_some());
     sensor_msgs::JointState {
         header: Header { stamp: time(answered), frame_id: String::new() },
-        name: heard().map(|j| names[j].clone()).collect(),
-        position: heard().map(|j| readings.position_rad[j]).collect(),
-        velocity: heard().map(|j| readings.velocity_rad_s[j]).collect(),
-        effort: heard().map(|j| readings.torque_nm[j]).collect(),
+        name: received().map(|j| names[j].clone()).collect(),
+        position: received().map(|j| readings.position_rad[j]).collect(),
+        velocity: received().map(|j| readings.velocity_rad_s[j]).collect(),
+        effort: received().map(|j| readings.torque_nm[j]).collect(),
     }
 }
 
@@ -182,7 +182,7 @@ mod tests {
         assert_eq!(state.position_rad, std::array::from_fn(|j| j as f64));
         assert_eq!((state.stamp, state.wall), (Duration::from_millis(1500), wall));
 
-        // A joint that is missing is marked, and the others are heard.
+        // A joint that is missing is marked, and the others are received.
         message.name[4] = "joint_99".into();
         assert_eq!(joint_state(&message, &names(), wall).unwrap().named, std::array::from_fn(|j| j != 3));
 

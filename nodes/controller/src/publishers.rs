@@ -162,7 +162,7 @@ impl Publishers {
                     tracing::error!("the joint states have stopped coming: damping");
                 }
                 (Mode::Walking, _) if output.estimate.is_some() && output.balance.is_none() => {
-                    tracing::warn!("walking without balance: no inertial unit was heard");
+                    tracing::warn!("walking without balance: no inertial data was received");
                 }
                 (mode, _) => tracing::info!("{}", mode.name()),
             }

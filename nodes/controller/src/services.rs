@@ -118,8 +118,8 @@ impl Services {
     /// The cycle has replied to request number `id`.
     pub fn reply(&self, id: u64, reply: Reply) {
         let waiting = lock(&self.waiting).remove(&id);
-        let heard = waiting.is_some_and(|sender| sender.send(reply).is_ok());
-        if !heard && let Err(refusal) = reply {
+        let received = waiting.is_some_and(|sender| sender.send(reply).is_ok());
+        if !received && let Err(refusal) = reply {
             tracing::warn!("a queued request: {refusal}");
         }
     }
@@ -184,7 +184,7 @@ impl Services {
             "emergency_stop",
             Qos::reliable(EMERGENCY_STOP_DEPTH),
             move |publisher, message: std_msgs::Bool| {
-                if !stop.heard(publisher, message.data, monotonic_now()) && !std::mem::replace(&mut warned, true) {
+                if !stop.received(publisher, message.data, monotonic_now()) && !std::mem::replace(&mut warned, true) {
                     tracing::error!("emergency_stop has more than {PUBLISHERS} publishers: that counts as pressed");
                 }
             },

@@ -33,7 +33,7 @@ const STOPPING_PATIENCE: Duration = Duration::from_secs(3);
 /// How long it then waits to see the robot damped. In lockstep time may stand still.
 const DAMPING_PATIENCE: Duration = Duration::from_millis(300);
 
-/// SCHED_FIFO priority of the threads through which the stop is heard, where the control thread has one.
+/// SCHED_FIFO priority of the threads through which the stop is received, where the control thread has one.
 const MIDDLEWARE_PRIORITY: u8 = 10;
 
 /// How long a bus is listened to before the first frame: ten periods of the slowest controller.
@@ -59,7 +59,7 @@ fn open_bus(file: &Path, robot: &Robot, config: &control::Config) -> anyhow::Res
     Ok(Drives { bus, locks })
 }
 
-/// Another host's controller holds no lock here: it is heard before anything is said.
+/// Another host's controller holds no lock here: it is received before anything is said.
 fn listen_first(bus: &mut DriveBus<DriveProtocol, CanLink>) -> anyhow::Result<()> {
     let until = monotonic_now() + LISTEN_FIRST;
     while monotonic_now() < until {
@@ -272,7 +272,7 @@ impl Work {
     }
 }
 
-/// The stop is heard through these; below the control thread, and beside everything else that the machine does.
+/// The stop is received through these; below the control thread, and beside everything else that the machine does.
 fn raise_middleware(own: Option<u8>) {
     if let Some(priority) = own.map(|own| MIDDLEWARE_PRIORITY.min(own - 1))
         && priority > 0

@@ -92,7 +92,7 @@ struct Drives {
     config: BusConfig,
     links: Vec<MemoryLink>,
     drives: [EmulatedDrive; JOINTS],
-    /// The joint side's commands as last heard.
+    /// The joint side's commands as last received.
     command: JointCommand,
 }
 

@@ -192,7 +192,7 @@ impl Watch {
     /// Ends the run.
     pub fn end(&self) -> Result<Recorded> {
         let run = lock(&self.eyes).run.take().context("no run has begun")?;
-        let measure = run.measure.context("the robot never walked, or odom and ground_force were never heard")?;
+        let measure = run.measure.context("the robot never walked, or odom and ground_force were never received")?;
         let mut samples = run.samples;
         if let Some(after) = &run.after {
             // The pictures are of the walk; stopping and sitting down are in the bag.

@@ -57,9 +57,9 @@ fn main() {
     println!("can_day: passed");
 }
 
-/// What was heard.
+/// What was received.
 #[derive(Default)]
-struct Heard {
+struct Received {
     /// Every change of mode or fault, when it came in, on the monotonic clock; and the newest state of all.
     changes: Vec<(Duration, ControllerState)>,
     state: Option<(Duration, ControllerState)>,
@@ -70,8 +70,8 @@ struct Heard {
     odometry: Option<Odometry>,
 }
 
-fn lock(heard: &Mutex<Heard>) -> MutexGuard<'_, Heard> {
-    heard.lock().unwrap_or_else(PoisonError::into_inner)
+fn lock(received: &Mutex<Received>) -> MutexGuard<'_, Received> {
+    received.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
 struct Day {
@@ -79,7 +79,7 @@ struct Day {
     planner: Program,
     controller: Program,
     bridge: Program,
-    heard: Arc<Mutex<Heard>>,
+    received: Arc<Mutex<Received>>,
     generate: Client<GenerateGait>,
     load: Client<LoadGait>,
     clear: Client<ClearFault>,
@@ -148,35 +148,35 @@ fn run() -> Result<(), Failure> {
     println!("can_day: the doctor misses drives that do not answer");
 
     let node = Node::start("can_day", &Arguments::default())?;
-    let heard = Arc::new(Mutex::new(Heard::default()));
-    let to = Arc::clone(&heard);
+    let received = Arc::new(Mutex::new(Received::default()));
+    let to = Arc::clone(&received);
     node.subscribe("controller_state", Qos::reliable(10), move |state: ControllerState| {
-        let mut heard = lock(&to);
+        let mut received = lock(&to);
         let now = monotonic_now();
-        let last = heard.state.as_ref().map(|(_, last)| (last.mode.clone(), last.fault.clone()));
+        let last = received.state.as_ref().map(|(_, last)| (last.mode.clone(), last.fault.clone()));
         if last != Some((state.mode.clone(), state.fault.clone())) {
-            heard.changes.push((now, state.clone()));
+            received.changes.push((now, state.clone()));
         }
-        heard.state = Some((now, state));
+        received.state = Some((now, state));
     })?;
-    let to = Arc::clone(&heard);
+    let to = Arc::clone(&received);
     node.subscribe("/sim/odom", Qos::best_effort(1), move |odometry: Odometry| lock(&to).odometry = Some(odometry))?;
-    let to = Arc::clone(&heard);
+    let to = Arc::clone(&received);
     node.subscribe("/sim/joint_states", Qos::best_effort(1), move |joints: JointState| {
-        let mut heard = lock(&to);
-        if heard.joints.len() == KEPT {
-            heard.joints.pop_front();
+        let mut received = lock(&to);
+        if received.joints.len() == KEPT {
+            received.joints.pop_front();
         }
-        heard.joints.push_back((monotonic_now(), joints));
+        received.joints.push_back((monotonic_now(), joints));
     })?;
 
-    let to = Arc::clone(&heard);
+    let to = Arc::clone(&received);
     node.subscribe("/sim/real_time_factor", Qos::best_effort(1), move |factor: Float64| {
         lock(&to).factors.push(factor.data);
     })?;
 
     let bridge = Program::start(&folder, "tandem_sim_bridge", &BRIDGE)?;
-    wait(&heard, Duration::from_secs(20), "the simulation's joint states", |heard| !heard.joints.is_empty())?;
+    wait(&received, Duration::from_secs(20), "the simulation's joint states", |received| !received.joints.is_empty())?;
     let (healthy, text) = doctor(&folder)?;
     for line in text.lines() {
         println!("can_day: {line}");
@@ -190,30 +190,30 @@ fn run() -> Result<(), Failure> {
         planner: Program::start(&folder, "tandem_planner", &[])?,
         controller: Program::start(&folder, "tandem_controller", &CONTROLLER)?,
         bridge,
-        heard,
+        received,
         generate: node.client("generate_gait")?,
         load: node.client("load_gait")?,
         clear: node.client("clear_fault")?,
         triggers: TRIGGERS.iter().map(|service| node.client(service)).collect::<Result<_, _>>()?,
     };
-    let heard = Arc::clone(&day.heard);
+    let received = Arc::clone(&day.received);
     let result = day.run(seconds, second, long);
     node.shutdown();
-    println!("can_day: simulated over wall time, second by second: {:.2?}", lock(&heard).factors);
+    println!("can_day: simulated over wall time, second by second: {:.2?}", lock(&received).factors);
     result
 }
 
 fn wait(
-    heard: &Mutex<Heard>,
+    received: &Mutex<Received>,
     patience: Duration,
     what: &str,
-    condition: impl Fn(&Heard) -> bool,
+    condition: impl Fn(&Received) -> bool,
 ) -> Result<(), Failure> {
     let deadline = monotonic_now() + patience;
-    while !condition(&lock(heard)) {
+    while !condition(&lock(received)) {
         if monotonic_now() > deadline {
-            let heard = lock(heard);
-            let state = heard.state.as_ref().map(|(_, state)| (state.mode.clone(), state.fault.clone()));
+            let received = lock(received);
+            let state = received.state.as_ref().map(|(_, state)| (state.mode.clone(), state.fault.clone()));
             return Err(format!("{what}: not within {patience:?}; the controller: {state:?}").into());
         }
         std::thread::sleep(5 * MS);
@@ -240,12 +240,14 @@ impl Day {
     }
 
     fn state(&self) -> Result<ControllerState, Failure> {
-        let heard = lock(&self.heard);
-        heard.state.as_ref().map(|(_, state)| state.clone()).ok_or_else(|| "no controller_state".into())
+        let received = lock(&self.received);
+        received.state.as_ref().map(|(_, state)| state.clone()).ok_or_else(|| "no controller_state".into())
     }
 
     fn wait_for_mode(&self, mode: &str, patience: Duration) -> Result<(), Failure> {
-        wait(&self.heard, patience, mode, |heard| heard.state.as_ref().is_some_and(|(_, state)| state.mode == mode))
+        wait(&self.received, patience, mode, |received| {
+            received.state.as_ref().is_some_and(|(_, state)| state.mode == mode)
+        })
     }
 
     /// From wherever it is: disarmed, the robot put down, faults cleared, armed, stood up, walking.
@@ -290,8 +292,8 @@ impl Day {
         }
         self.controller.check("tandem_controller")?;
         self.bridge.check("tandem_sim_bridge")?;
-        let heard = lock(&self.heard);
-        let pose = heard.odometry.as_ref().ok_or("no odometry")?.pose.pose;
+        let received = lock(&self.received);
+        let pose = received.odometry.as_ref().ok_or("no odometry")?.pose.pose;
         let (q, height) = (pose.orientation, pose.position.z);
         if 1.0 - 2.0 * (q.x * q.x + q.y * q.y) < 0.7 || height < 0.4 {
             return Err(format!("after {after} it has fallen: {height:.2} m high").into());
@@ -304,9 +306,9 @@ impl Day {
         let safe = |(at, state): &(Duration, ControllerState)| {
             *at >= since && (state.mode == "fault" || state.mode == "damping") && state.fault.contains(fault)
         };
-        wait(&self.heard, Duration::from_secs(2), what, |heard| heard.changes.iter().any(safe))?;
-        let heard = lock(&self.heard);
-        let (at, state) = heard.changes.iter().find(|change| safe(change)).ok_or("no change")?;
+        wait(&self.received, Duration::from_secs(2), what, |received| received.changes.iter().any(safe))?;
+        let received = lock(&self.received);
+        let (at, state) = received.changes.iter().find(|change| safe(change)).ok_or("no change")?;
         let took = *at - since;
         println!("can_day: {what}: {} ({}) seen after {:.1} ms", state.mode, state.fault, took.as_secs_f64() * 1e3);
         if took > bound + ON_THE_WAY {
@@ -318,9 +320,9 @@ impl Day {
     /// The simulation's time now. States take up to 15 ms to get here; the one of the last 0.2 s that was here soonest
     /// tells best.
     fn simulated_ns(&self) -> Result<i64, Failure> {
-        let heard = lock(&self.heard);
+        let received = lock(&self.received);
         let now = monotonic_now();
-        let recent = heard.joints.iter().rev().take_while(|(at, _)| now - *at < Duration::from_millis(200));
+        let recent = received.joints.iter().rev().take_while(|(at, _)| now - *at < Duration::from_millis(200));
         let guesses = recent.map(|(at, state)| state.header.stamp.nanoseconds() + (now - *at).as_nanos() as i64);
         guesses.max().ok_or_else(|| "no joint states for 0.2 s".into())
     }
@@ -328,9 +330,9 @@ impl Day {
     /// Cycles from `since` (simulated ns) until every drive damps on its own, for five states on end.
     fn drives_damp_within(&self, since: i64, cycles: i64, what: &str) -> Result<(), Failure> {
         std::thread::sleep(300 * MS);
-        let heard = lock(&self.heard);
+        let received = lock(&self.received);
         let states: Vec<&JointState> =
-            heard.joints.iter().map(|(_, state)| state).filter(|s| s.header.stamp.nanoseconds() > since).collect();
+            received.joints.iter().map(|(_, state)| state).filter(|s| s.header.stamp.nanoseconds() > since).collect();
         let first = states.windows(5).find(|five| five.iter().all(|state| damps(state))).map(|five| five[0]);
         let took = (first.ok_or_else(|| format!("{what}: the drives never damp"))?.header.stamp.nanoseconds() - since)
             / 1_000_000;
@@ -341,8 +343,8 @@ impl Day {
     /// Since then every drive has braked or rested; by the velocity before, too: an impact may turn it round at once.
     fn no_drive_has_pushed(&self, since: i64) -> Result<(), Failure> {
         const NOISE_W: f64 = 0.5;
-        let heard = lock(&self.heard);
-        let states = heard.joints.iter().filter(|(_, s)| s.header.stamp.nanoseconds() > since);
+        let received = lock(&self.received);
+        let states = received.joints.iter().filter(|(_, s)| s.header.stamp.nanoseconds() > since);
         for ((_, before), (_, state)) in states.clone().zip(states.skip(1)) {
             for (torque, (v0, v1)) in state.effort.iter().zip(before.velocity.iter().zip(&state.velocity)) {
                 if (torque * v0).min(torque * v1) > NOISE_W {
@@ -356,22 +358,24 @@ impl Day {
     /// It comes back disarmed, with the drives at rest, and is given a gait.
     fn restart_controller(&mut self) -> Result<(), Failure> {
         {
-            let mut heard = lock(&self.heard);
-            heard.state = None;
-            heard.changes.clear();
+            let mut received = lock(&self.received);
+            received.state = None;
+            received.changes.clear();
         }
         self.controller = Program::start(&self.folder, "tandem_controller", &CONTROLLER)?;
-        wait(&self.heard, PATIENCE, "the controller's return", |heard| heard.state.is_some())?;
-        let first = lock(&self.heard).changes.first().map(|(_, state)| state.mode.clone());
+        wait(&self.received, PATIENCE, "the controller's return", |received| received.state.is_some())?;
+        let first = lock(&self.received).changes.first().map(|(_, state)| state.mode.clone());
         if first.as_deref() != Some("disarmed") {
             return Err(format!("the controller comes back {first:?}, expected disarmed").into());
         }
         // It tells them to rest in its first cycles; until then they damp.
         wait(
-            &self.heard,
+            &self.received,
             Duration::from_millis(200),
             "drives at rest under a controller that has come back",
-            |heard| heard.joints.back().is_some_and(|(_, state)| state.effort.iter().all(|torque| *torque == 0.0)),
+            |received| {
+                received.joints.back().is_some_and(|(_, state)| state.effort.iter().all(|torque| *torque == 0.0))
+            },
         )?;
         let json = include_str!("../../../../tests/gaits/amble.json");
         // The one before has ended without a word and is taken for present for a while; a request that only it was
@@ -415,8 +419,8 @@ impl Day {
         if !answer.success {
             return Err(format!("generate_gait: {} {}", answer.status, answer.message).into());
         }
-        wait(&self.heard, PATIENCE, "the gait at the controller", |heard| {
-            heard.state.as_ref().is_some_and(|(_, state)| state.gait == "amble")
+        wait(&self.received, PATIENCE, "the gait at the controller", |received| {
+            received.state.as_ref().is_some_and(|(_, state)| state.gait == "amble")
         })?;
         let (healthy, text) = doctor(&self.folder)?;
         if healthy || !text.contains("the drives were not asked") {
@@ -429,7 +433,7 @@ impl Day {
     fn run(mut self, seconds: f64, second: u32, long: bool) -> Result<(), Failure> {
         self.plan()?;
         self.start_walking()?;
-        let x = |day: &Self| lock(&day.heard).odometry.as_ref().map_or(0.0, |o| o.pose.pose.position.x);
+        let x = |day: &Self| lock(&day.received).odometry.as_ref().map_or(0.0, |o| o.pose.pose.position.x);
         let (from_x, from_ns) = (x(&self), self.simulated_ns()?);
         self.walks_on(seconds, "nothing")?;
         let (went, took) = (x(&self) - from_x, (self.simulated_ns()? - from_ns) as f64 * 1e-9);
