@@ -22,7 +22,7 @@ const STRANGER_MEMORY: Duration = Duration::from_millis(500);
 /// Someone wants to arm: so long the drives' first answers are waited for, and so long the drives are asked.
 const FIRST_ANSWERS: Duration = Duration::from_millis(100);
 const ASKED_TO_ARM: Duration = Duration::from_secs(1);
-/// Behind the opening of a link its old socket's frames may still leave the queue, and the new socket hears them.
+/// Behind the opening of a link its old socket's frames may still leave the queue, and the new socket receives them.
 const OWN_ECHO: Duration = Duration::from_millis(100);
 
 /// Counts of one link.
@@ -191,7 +191,7 @@ impl<P: Protocol, L: Link> DriveBus<P, L> {
         readings.arrived[j] = Some(at);
     }
 
-    /// A link does not hear its own frames, so a command to a drive here is somebody else's.
+    /// A link does not receive its own frames, so a command to a drive here is somebody else's.
     fn take_foreign(&mut self, n: usize, frame: &Frame, now: Duration) {
         let Some(j) = commanded(&self.protocol, &self.config, n, frame) else { return };
         let state = &mut self.links[n];
@@ -221,7 +221,7 @@ impl<P: Protocol, L: Link> DriveBus<P, L> {
         })
     }
 
-    /// Whether a drive may be told to rest only to hear where it is.
+    /// Whether a drive may be told to rest only to learn where it is.
     fn may_tell_to_rest(&self, now: Duration) -> bool {
         let wanted = self.asked_to_arm.is_some_and(|asked| now.saturating_sub(asked) < ASKED_TO_ARM);
         self.was_on || self.config.ask_before_arming || wanted

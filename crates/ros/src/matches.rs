@@ -183,7 +183,7 @@ impl Peers {
         }
     }
 
-    /// Whether a server hears our requests and its answers reach us.
+    /// Whether a server receives our requests and its answers reach us.
     pub(crate) fn server_is_matched(&self) -> bool {
         let (readers, writers) =
             (self.core.discovered_readers(&self.requests), self.core.discovered_writers(&self.replies));

@@ -142,7 +142,7 @@ pub fn answer(error: &clap::Error) -> ExitCode {
 }
 
 /// The code that an error ends the program with, after a line where there is something to say. A reader that has
-/// closed its pipe wants to hear no more.
+/// closed its pipe wants no more.
 pub fn failed(error: &anyhow::Error) -> ExitCode {
     let closed = error.chain().any(|cause| {
         cause.downcast_ref::<Unwritable>().is_some_and(|unwritable| unwritable.0.kind() == ErrorKind::BrokenPipe)

@@ -102,7 +102,7 @@ pub fn run(arguments: &Arguments) -> Result<ExitCode> {
 }
 
 fn listen(node: &Node, received: &Arc<Mutex<Received>>, robot: &Robot) -> Result<()> {
-    fn hear<M: tandem_msgs::Message>(
+    fn subscribe<M: tandem_msgs::Message>(
         node: &Node,
         topic: &str,
         qos: Qos,
@@ -117,33 +117,39 @@ fn listen(node: &Node, received: &Arc<Mutex<Received>>, robot: &Robot) -> Result
         Ok(())
     }
     let sensor = Qos::best_effort(1);
-    hear(node, "joint_states", sensor, received, |received, message: JointState| received.joints = Some(message))?;
-    hear(node, "odom", sensor, received, |received, message: Odometry| {
+    subscribe(node, "joint_states", sensor, received, |received, message: JointState| received.joints = Some(message))?;
+    subscribe(node, "odom", sensor, received, |received, message: Odometry| {
         (received.odometry, received.base) = (true, message.pose.pose.orientation);
     })?;
     for (leg, name) in robot.legs.iter().map(|leg| leg.name.as_str()).enumerate() {
-        hear(node, &format!("ground_force/{name}"), sensor, received, move |received, message: WrenchStamped| {
+        subscribe(node, &format!("ground_force/{name}"), sensor, received, move |received, message: WrenchStamped| {
             let force = message.wrench.force;
             received.force_n[leg] = Some([force.x, force.y, force.z]);
         })?;
     }
-    hear(node, "controller_state", Qos::best_effort(1), received, |received, message: ControllerState| {
+    subscribe(node, "controller_state", Qos::best_effort(1), received, |received, message: ControllerState| {
         received.state = Some(message);
     })?;
-    hear(node, "gait", Qos::latched(), received, |received, message: tandem_msgs::Gait| match message.to_gait() {
-        Ok(gait) => received.gait = Some(gait),
-        Err(error) => {
-            let line = format!("gait \"{}\" is not shown: {error}", message.name);
-            note!("{}", printable(&line, SENTENCE_CHARS));
+    subscribe(node, "gait", Qos::latched(), received, |received, message: tandem_msgs::Gait| {
+        match message.to_gait() {
+            Ok(gait) => received.gait = Some(gait),
+            Err(error) => {
+                let line = format!("gait \"{}\" is not shown: {error}", message.name);
+                note!("{}", printable(&line, SENTENCE_CHARS));
+            }
         }
     })?;
     // In a bag the gait is a file's text.
-    hear(node, "gait_file", Qos::latched(), received, |received, message: std_msgs::String| {
-        match Gait::from_json(&message.data) {
+    subscribe(
+        node,
+        "gait_file",
+        Qos::latched(),
+        received,
+        |received, message: std_msgs::String| match Gait::from_json(&message.data) {
             Ok(gait) => received.gait = Some(gait),
             Err(error) => note!("the gait is not shown: {}", printable(&error.to_string(), SENTENCE_CHARS)),
-        }
-    })?;
+        },
+    )?;
     Ok(())
 }
 

@@ -85,7 +85,7 @@ impl Drop for Player {
     }
 }
 
-fn hear(node: &Node, topic: &str, qos: Qos) -> Receiver<String> {
+fn subscribe(node: &Node, topic: &str, qos: Qos) -> Receiver<String> {
     let (sender, receiver) = channel();
     node.subscribe(topic, qos, move |message: Text| {
         // The test may have ended.
@@ -114,7 +114,8 @@ fn mixed_offers_serve_both_and_overrides_are_followed(node: &Node, folder: &Path
     let offers = offer(5, false, false) + &offer(10, false, true);
     let times: Vec<u64> = (0..300).map(|n| 10 * n).collect();
     write_bag(&folder.join("two.mcap"), &[("/two", "std_msgs/msg/String", "cdr", offers, times)]);
-    let (reliable, sensor) = (hear(node, "/two", Qos::reliable(1000)), hear(node, "/two", Qos::best_effort(1000)));
+    let (reliable, sensor) =
+        (subscribe(node, "/two", Qos::reliable(1000)), subscribe(node, "/two", Qos::best_effort(1000)));
     Player::start(&["two.mcap", "--rate", "2", "--delay", "3"], folder).ends();
     let expected: Vec<String> = (0..300).map(|n| n.to_string()).collect();
     assert_eq!(next(&reliable, 300), expected, "a reliable subscriber gets every message");
@@ -140,12 +141,12 @@ fn latched_messages_of_all_publishers_come_first(node: &Node, folder: &Path) {
     let notes = ("/notes", "std_msgs/msg/String", "cdr", latched, vec![0, 10, 20]);
     let words = ("/beat", "std_msgs/msg/String", "cdr", offer(10, false, true), words);
     write_bag(&folder.join("latched.mcap"), &[notes, words]);
-    let received = hear(node, "/notes", Qos::transient_local(10));
-    let beat = hear(node, "/beat", Qos::reliable(1000));
+    let received = subscribe(node, "/notes", Qos::transient_local(10));
+    let beat = subscribe(node, "/beat", Qos::reliable(1000));
     let mut player = Player::start(&["latched.mcap", "--start", "8", "--rate", "2", "--loop", "--delay", "3"], folder);
     assert_eq!(next(&received, 3), ["0", "1", "2"], "at the start");
     assert_eq!(next(&beat, 1), ["160"], "then from the start on");
-    let late = hear(node, "/notes", Qos::transient_local(10));
+    let late = subscribe(node, "/notes", Qos::transient_local(10));
     assert_eq!(next(&late, 3), ["0", "1", "2"], "for one who comes late");
     assert_eq!(next(&received, 3), ["0", "1", "2"], "when it begins again");
     while next(&beat, 1) != ["160"] {}
@@ -165,7 +166,7 @@ fn what_cannot_be_played_is_named_and_the_rest_played(node: &Node, folder: &Path
         ("/rest", "std_msgs/msg/String", "cdr", all(), vec![5, 10]),
     ];
     write_bag(&folder.join("mixed.mcap"), &topics);
-    let received = hear(node, "/rest", Qos::reliable(10));
+    let received = subscribe(node, "/rest", Qos::reliable(10));
     let said = Player::start(&["mixed.mcap", "--delay", "3"], folder).ends();
     assert_eq!(next(&received, 2), ["0", "1"]);
     assert!(said.contains("/json is not played: its messages are in 'json'"), "{said}");

@@ -32,7 +32,7 @@ impl Drop for Show {
     }
 }
 
-fn hear<M: Message>(node: &Node, topic: &str, qos: Qos) -> Receiver<M> {
+fn subscribe<M: Message>(node: &Node, topic: &str, qos: Qos) -> Receiver<M> {
     let (sender, receiver) = channel();
     node.subscribe(topic, qos, move |message: M| {
         // The test may have ended.
@@ -88,9 +88,9 @@ fn show_beside_running_nodes_publishes_frames_markers_and_the_description() {
             .unwrap(),
     );
     let node = Node::start("robot", &Arguments::default().with_domain_id(DOMAIN)).unwrap();
-    let frames = hear::<TFMessage>(&node, "/tf", Qos::reliable(100));
-    let markers = hear::<MarkerArray>(&node, "markers", Qos::reliable(10));
-    let descriptions = hear::<Text>(&node, "robot_description", Qos::latched());
+    let frames = subscribe::<TFMessage>(&node, "/tf", Qos::reliable(100));
+    let markers = subscribe::<MarkerArray>(&node, "markers", Qos::reliable(10));
+    let descriptions = subscribe::<Text>(&node, "robot_description", Qos::latched());
     let sensor = Qos::best_effort(1);
     let gait = Gait::from_json(include_str!("../../../tests/gaits/amble.json")).unwrap();
     let latched = node.publisher::<tandem_msgs::Gait>("gait", Qos::latched()).unwrap();

@@ -52,7 +52,7 @@ impl DriveParameters {
         Ok(Config { balance, ..config })
     }
 
-    /// Hears `cmd_vel`, where it is to be obeyed.
+    /// Subscribes to `cmd_vel`, where it is to be obeyed.
     ///
     /// # Errors
     /// What the middleware refuses.
@@ -65,7 +65,7 @@ impl DriveParameters {
         if !self.balance {
             return Ok(());
         }
-        let mut hear = move |twist: &Twist| {
+        let mut take = move |twist: &Twist| {
             let velocity =
                 Velocity { forward_m_s: twist.linear.x, left_m_s: twist.linear.y, yaw_rad_s: twist.angular.z };
             if velocity.is_finite() {
@@ -83,9 +83,9 @@ impl DriveParameters {
         // Whoever publishes best effort or reliably is received.
         let qos = Qos::best_effort(10);
         if self.stamped {
-            node.subscribe("cmd_vel", qos, move |message: TwistStamped| hear(&message.twist))
+            node.subscribe("cmd_vel", qos, move |message: TwistStamped| take(&message.twist))
         } else {
-            node.subscribe("cmd_vel", qos, move |message: Twist| hear(&message))
+            node.subscribe("cmd_vel", qos, move |message: Twist| take(&message))
         }
     }
 }
