@@ -1,6 +1,6 @@
 //! The robot in MuJoCo: [`Simulator`].
 
-mod felt;
+mod accelerometer;
 
 use crate::meshes::Meshes;
 use crate::{Fall, MUJOCO_VERSION, Posture, Push, Random, RobotState, SimulatorError, SimulatorOptions, description};
@@ -37,7 +37,7 @@ pub struct Simulator {
     commanded_at_step: Option<u64>,
     rejected_commands: u64,
     step: u64,
-    felt: felt::Felt,
+    accumulated: accelerometer::Accumulated,
     torque_nm: [f64; JOINTS],
     pushes: Vec<Push>,
     first_height_m: f64,
@@ -131,7 +131,7 @@ impl Simulator {
             commanded_at_step: None,
             rejected_commands: 0,
             step: 0,
-            felt: felt::Felt::default(),
+            accumulated: accelerometer::Accumulated::default(),
             torque_nm: [0.0; JOINTS],
             pushes: Vec::new(),
             first_height_m: 0.0,
@@ -166,7 +166,7 @@ impl Simulator {
     fn start_over(&mut self) {
         self.data.reset();
         self.step = 0;
-        self.felt = felt::Felt::default();
+        self.accumulated = accelerometer::Accumulated::default();
         self.command = self.damping;
         self.commanded_at_step = None;
         self.rejected_commands = 0;

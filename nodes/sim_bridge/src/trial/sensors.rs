@@ -50,8 +50,8 @@ pub(super) struct Sensors {
     offset_m_s2: [f64; 3],
     /// The accelerometer's mean over the physics steps since the last reading, as a unit that filters before it
     /// samples.
-    felt: [f64; 3],
-    feelings: f64,
+    force_sum: [f64; 3],
+    samples: f64,
     last_rad: Option<[f64; 12]>,
 }
 
@@ -60,7 +60,7 @@ impl Sensors {
         let mut random = Random::new(seed ^ 0x5eed_0000_0000_0002);
         let sign = |random: &mut Random| if random.uniform() < 0.5 { -1.0 } else { 1.0 };
         let offset_m_s2 = std::array::from_fn(|_| sign(&mut random) * noise.acceleration_offset_m_s2);
-        let mut sensors = Self { noise, random, offset_m_s2, felt: [0.0; 3], feelings: 0.0, last_rad: None };
+        let mut sensors = Self { noise, random, offset_m_s2, force_sum: [0.0; 3], samples: 0.0, last_rad: None };
         sensors.feel(simulator);
         sensors
     }
@@ -69,9 +69,9 @@ impl Sensors {
     pub fn feel(&mut self, simulator: &Simulator) {
         let force = simulator.specific_force_body();
         for axis in 0..3 {
-            self.felt[axis] += force[axis];
+            self.force_sum[axis] += force[axis];
         }
-        self.feelings += 1.0;
+        self.samples += 1.0;
     }
 
     /// What the controller is told at `now`.
@@ -86,11 +86,11 @@ impl Sensors {
         let first = self.last_rad.replace(position_rad).is_none();
         let gyro = state.base_angular_velocity_body.map(|w| w + noise.angular_velocity_rad_s * random.normal());
         let force = std::array::from_fn(|axis| {
-            self.felt[axis] / self.feelings.max(1.0)
+            self.force_sum[axis] / self.samples.max(1.0)
                 + self.offset_m_s2[axis]
                 + noise.acceleration_m_s2 * random.normal()
         });
-        (self.felt, self.feelings) = ([0.0; 3], 0.0);
+        (self.force_sum, self.samples) = ([0.0; 3], 0.0);
         let joints = JointState::measured(now, position_rad, velocity_rad_s);
         let inertial = InertialState {
             stamp: now,

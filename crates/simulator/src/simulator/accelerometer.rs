@@ -4,7 +4,7 @@ use super::Simulator;
 
 /// Sum of the accelerometer's readings since it was asked last, m/s², and how many there were.
 #[derive(Default)]
-pub(super) struct Felt {
+pub(super) struct Accumulated {
     sum: [f64; 3],
     count: u32,
 }
@@ -18,14 +18,14 @@ impl Simulator {
 
     /// Its mean since this was asked last, as a unit gives that filters before it samples.
     pub fn felt_specific_force_body(&mut self) -> [f64; 3] {
-        let Felt { sum, count } = std::mem::take(&mut self.felt);
+        let Accumulated { sum, count } = std::mem::take(&mut self.accumulated);
         if count == 0 { self.specific_force_body() } else { sum.map(|sum| sum / f64::from(count)) }
     }
 
     /// After every physics step.
     pub(super) fn feel(&mut self) {
         let force = self.specific_force_body();
-        self.felt.sum = std::array::from_fn(|axis| self.felt.sum[axis] + force[axis]);
-        self.felt.count += 1;
+        self.accumulated.sum = std::array::from_fn(|axis| self.accumulated.sum[axis] + force[axis]);
+        self.accumulated.count += 1;
     }
 }
