@@ -1,10 +1,10 @@
 //! A walk under stress: noisy sensors, commands that are late, pushes, ground that nobody announced, a robot that
 //! is not as its description says. One thread, one seed, one outcome.
 
-mod brain;
+mod control_loop;
 mod sensors;
 
-pub use brain::{Brain, BrainError};
+pub use control_loop::{ControlLoop, ControlLoopError};
 pub use sensors::Noise;
 
 use crate::measure::{Measure, WalkFigures};
@@ -104,7 +104,7 @@ impl Outcome {
 
 /// The gait with a beginning that stands on the slope as the balanced law does: the body over its toes along
 /// gravity.
-fn begun_on_slope(robot: &Robot, gait: &Gait, terrain: &Terrain) -> Result<Gait, BrainError> {
+fn begun_on_slope(robot: &Robot, gait: &Gait, terrain: &Terrain) -> Result<Gait, ControlLoopError> {
     let Terrain::Slope { uphill_rad, sideways_rad } = *terrain else { return Ok(gait.clone()) };
     let legs = LegKinematics::all(robot)?;
     let mut begun = gait.clone();
@@ -126,7 +126,7 @@ fn begun_on_slope(robot: &Robot, gait: &Gait, terrain: &Terrain) -> Result<Gait,
 ///
 /// # Errors
 /// Options that cannot be, or a gait for another robot.
-pub fn run(robot: &Robot, simulated: Option<&Robot>, gait: &Gait, trial: &Trial) -> Result<Outcome, BrainError> {
+pub fn run(robot: &Robot, simulated: Option<&Robot>, gait: &Gait, trial: &Trial) -> Result<Outcome, ControlLoopError> {
     let mut simulator = Simulator::new(simulated.unwrap_or(robot), trial.simulator.clone())?;
     let begun = if trial.balanced { begun_on_slope(robot, gait, &trial.simulator.terrain)? } else { gait.clone() };
     simulator.reset_to_gait(&begun)?;
@@ -135,7 +135,7 @@ pub fn run(robot: &Robot, simulated: Option<&Robot>, gait: &Gait, trial: &Trial)
         simulator.push(*push)?;
     }
     let steps_per_cycle = (PERIOD_S / trial.simulator.timestep_s).round().max(1.0) as u32;
-    let mut brain = Brain::new(robot, gait, trial.balanced, trial.watched)?;
+    let mut control_loop = ControlLoop::new(robot, gait, trial.balanced, trial.watched)?;
     let mut sensors = Sensors::new(trial.simulator.seed, trial.noise, &simulator);
     let torque_limit_nm = std::array::from_fn(|j| robot.limits.drive_torque_nm[j % 3]);
     let mut recorder = Recorder::new(Measure::new(gait.step_duration_s, torque_limit_nm));
@@ -146,7 +146,7 @@ pub fn run(robot: &Robot, simulated: Option<&Robot>, gait: &Gait, trial: &Trial)
         let time_s = now.as_secs_f64();
         let (joints, inertial) = sensors.read(&simulator, now);
         let asked = trial.asked.iter().take_while(|(from_s, _)| *from_s <= time_s).last().map(|(_, v)| *v);
-        let command = match brain.cycle(&joints, &inertial, asked, now) {
+        let command = match control_loop.cycle(&joints, &inertial, asked, now) {
             Ok(command) => command,
             Err(why) => return Ok(recorder.outcome(Some((time_s, why)))),
         };
@@ -161,10 +161,10 @@ pub fn run(robot: &Robot, simulated: Option<&Robot>, gait: &Gait, trial: &Trial)
             sensors.feel(&simulator);
         }
         if let Some(fall) = simulator.fallen() {
-            let why = recorder.record(&simulator, &brain, cycle, Some(fall));
+            let why = recorder.record(&simulator, &control_loop, cycle, Some(fall));
             return Ok(recorder.outcome(Some((time_s, why))));
         }
-        recorder.record(&simulator, &brain, cycle, None);
+        recorder.record(&simulator, &control_loop, cycle, None);
     }
     Ok(recorder.outcome(None))
 }
@@ -184,7 +184,7 @@ impl Recorder {
         Self { measure, samples: Vec::new(), yaw_rad: 0.0, energy_j: 0.0, sway: [0.0; 2], settled: 0.0, cycles: 0.0 }
     }
 
-    fn record(&mut self, simulator: &Simulator, brain: &Brain, cycle: u64, fall: Option<Fall>) -> String {
+    fn record(&mut self, simulator: &Simulator, control_loop: &ControlLoop, cycle: u64, fall: Option<Fall>) -> String {
         if let Some(fall) = fall {
             return fall.to_string();
         }
@@ -202,7 +202,7 @@ impl Recorder {
             self.sway[1] += pitch * pitch;
         }
         if cycle.is_multiple_of(SAMPLED) {
-            self.samples.push(sample(&state, [roll, pitch, self.yaw_rad], brain));
+            self.samples.push(sample(&state, [roll, pitch, self.yaw_rad], control_loop));
         }
         String::new()
     }
@@ -218,13 +218,13 @@ impl Recorder {
     }
 }
 
-fn sample(state: &RobotState, turned_rad: [f64; 3], brain: &Brain) -> Sample {
+fn sample(state: &RobotState, turned_rad: [f64; 3], control_loop: &ControlLoop) -> Sample {
     let heading = |velocity: [f64; 3], yaw: f64| {
         let (sine, cosine) = yaw.sin_cos();
         [cosine * velocity[0] + sine * velocity[1], cosine * velocity[1] - sine * velocity[0]]
     };
     let [vx, vy] = heading(state.base_linear_velocity_world, turned_rad[2]);
-    let (estimate, report) = brain.watched();
+    let (estimate, report) = control_loop.watched();
     let [ex, ey] = heading(estimate.velocity_m_s(), estimate.yaw_rad());
     Sample {
         time_s: state.time_s,

@@ -12,7 +12,7 @@ use std::time::Duration;
 
 /// Why a trial cannot begin.
 #[derive(Debug, thiserror::Error)]
-pub enum BrainError {
+pub enum ControlLoopError {
     /// The robot's legs.
     #[error(transparent)]
     Robot(#[from] RobotError),
@@ -28,7 +28,7 @@ pub enum BrainError {
 }
 
 /// The controller, and what it said last.
-pub struct Brain {
+pub struct ControlLoop {
     controller: Controller,
     gait: PreparedGait,
     begun: bool,
@@ -36,9 +36,9 @@ pub struct Brain {
     report: BalanceReport,
 }
 
-impl Brain {
+impl ControlLoop {
     /// A walk of `gait` that begins on it.
-    pub fn new(robot: &Robot, gait: &Gait, balanced: bool, watched: bool) -> Result<Self, BrainError> {
+    pub fn new(robot: &Robot, gait: &Gait, balanced: bool, watched: bool) -> Result<Self, ControlLoopError> {
         let balance = balanced.then(|| BalanceConfig::for_robot(robot)).transpose()?;
         let mut config = Config { simulation_start: true, balance, ..Config::for_robot(robot) };
         if !watched {
