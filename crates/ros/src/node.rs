@@ -27,7 +27,7 @@ use crate::parameters::{ParameterBuilder, ParameterType, Store};
 use crate::publisher::{Publisher, Raw, RawPublisher, Slot};
 use crate::service::{ServeOptions, serve};
 use crate::watchdog::{self, Health};
-use crate::{Clock, Qos, RosError, Wire, greeting, logging, participant};
+use crate::{Clock, Qos, RosError, Wire, logging, participant, start_log};
 
 /// How long the end of a node may take before it is given up.
 const SHUTDOWN_PATIENCE: Duration = Duration::from_millis(1200);
@@ -192,7 +192,7 @@ impl Node {
     /// Wrong names or parameters, or when the middleware cannot start (no network interface, no free port).
     pub fn start(name: &str, arguments: &Arguments) -> Result<Self, RosError> {
         let (name, namespace) = arguments.node_name(name, "/")?;
-        let lines = greeting::start(arguments, &namespace, &name);
+        let lines = start_log::start(arguments, &namespace, &name);
         let create = |reason: String| RosError::Create {
             what: format!("node {name:?} in domain {}", arguments.domain_id),
             reason,
