@@ -1,4 +1,4 @@
-//! The controller of a walking quadruped, as one pure function of what it is told: [`Controller::step`].
+//! The controller of a walking quadruped, as one pure function of its input: [`Controller::step`].
 //!
 //! The law is the paper's (Ma & Ames 2020, section IV): τ = kp (B̃(t) − q) + kd (dB̃/dt − q̇), t counted from the last
 //! switch, the gait mirrored at each switch, switches at t = T, no other term. B̃ is the gait's compensated reference:

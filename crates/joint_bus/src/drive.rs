@@ -44,7 +44,7 @@ pub struct DriveReply {
     pub error: Option<u8>,
 }
 
-/// Anything that a drive can be told.
+/// Anything that a drive can be asked.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum DriveRequest {
     /// Close the loop: follow commands from now on.

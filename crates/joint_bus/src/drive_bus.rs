@@ -10,13 +10,13 @@ const FRAMES_PER_READ: usize = 256;
 /// First pause before a link is opened again, doubled up to [`LONGEST_PAUSE`].
 const FIRST_PAUSE: Duration = Duration::from_millis(10);
 const LONGEST_PAUSE: Duration = Duration::from_secs(1);
-/// A damped drive with an error is told to enter again once in so many cycles.
+/// A damped drive with an error is commanded to enter again once in so many cycles.
 const REENTER_EVERY: u64 = 50;
 /// A link that breaks again this soon has not been mended: the pauses go on growing.
 const STEADY: Duration = Duration::from_secs(2);
 /// A link that is down for longer than this is a fault; a shorter break is bridged by the drives holding their command.
 const DOWN_FAULT: Duration = Duration::from_millis(5);
-/// A command of somebody else is told of for so long: longer than one lost cycle, short enough that the fault can be
+/// A command of somebody else is reported for so long: longer than one lost cycle, short enough that the fault can be
 /// cleared once the other is gone.
 const STRANGER_MEMORY: Duration = Duration::from_millis(500);
 /// Someone wants to arm: so long the drives' first answers are waited for, and so long the drives are asked.
@@ -66,7 +66,7 @@ pub trait JointBus {
     }
     /// Takes over everything that came in by `now`.
     fn read(&mut self, now: Duration, readings: &mut Readings);
-    /// Sends a command to every joint. With `drives_on` false the drives are told to rest (and asked for their state).
+    /// Sends a command to every joint. With `drives_on` false the drives are commanded to rest (and asked for their state).
     fn write(&mut self, command: &JointCommand, drives_on: bool, now: Duration);
     /// Someone wants to arm. False while first answers of joints are awaited that nobody has asked where they are: ask
     /// again in the next cycle.
@@ -98,7 +98,7 @@ pub struct DriveBus<P, L> {
     protocol: P,
     links: Vec<LinkState<L>>,
     config: BusConfig,
-    /// Whether each drive was told to enter.
+    /// Whether each drive was commanded to enter.
     entered: [bool; JOINTS],
     /// What each drive reported last.
     errors: [u8; JOINTS],

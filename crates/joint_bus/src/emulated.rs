@@ -168,8 +168,8 @@ impl EmulatedDrive {
         }
         let limits = self.command.limits;
         // What cannot be a time or a torque is none.
-        let told = limits.watchdog_s.and_then(|seconds| Duration::try_from_secs_f64(seconds).ok());
-        if self.following && now.saturating_sub(self.received) > told.unwrap_or(self.model.watchdog) {
+        let watchdog = limits.watchdog_s.and_then(|seconds| Duration::try_from_secs_f64(seconds).ok());
+        if self.following && now.saturating_sub(self.received) > watchdog.unwrap_or(self.model.watchdog) {
             self.tripped = true;
         }
         let c = &self.command;
@@ -181,8 +181,8 @@ impl EmulatedDrive {
         } else {
             c.kp * (c.position_rad - q) + c.kd * (c.velocity_rad_s - v) + c.torque_nm
         };
-        let told = limits.max_torque_nm.filter(|torque_nm| *torque_nm >= 0.0).unwrap_or(f64::INFINITY);
-        let most = self.model.torque_limit_nm.min(told);
+        let largest = limits.max_torque_nm.filter(|torque_nm| *torque_nm >= 0.0).unwrap_or(f64::INFINITY);
+        let most = self.model.torque_limit_nm.min(largest);
         self.torque_nm = law.clamp(-most, most);
         let dt_s = self.last.replace(now).map_or(0.0, |last| now.saturating_sub(last).as_secs_f64());
         self.temperature_c += dt_s

@@ -1,4 +1,4 @@
-//! A link that misbehaves as told, for tests. The same seed misbehaves the same way.
+//! A link that misbehaves as configured, for tests. The same seed misbehaves the same way.
 
 use crate::{Frame, Incoming, Link, LinkError};
 use std::collections::VecDeque;

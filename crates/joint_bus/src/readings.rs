@@ -1,4 +1,4 @@
-//! What the joints have told.
+//! What the joints have reported.
 
 use joints::{JOINTS, JointState};
 use std::time::Duration;

@@ -21,7 +21,7 @@ pub enum State {
     Inactive = 2,
     /// Does its work.
     Active = 3,
-    /// Ended for good; the process stays until it is told to go.
+    /// Ended for good; the process stays until it is asked to end.
     Finalized = 4,
     /// On the way to inactive.
     Configuring = 10,

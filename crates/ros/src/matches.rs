@@ -1,4 +1,4 @@
-//! Which endpoints of other participants the middleware has connected with this node's, told by its own events.
+//! Which endpoints of other participants the middleware has connected with this node's, known by its own events.
 
 use std::collections::BTreeMap;
 use std::pin::pin;
@@ -14,7 +14,7 @@ use tokio::sync::watch;
 
 use crate::node::Core;
 
-/// Each remote endpoint with the number of the event that told of its latest match.
+/// Each remote endpoint with the number of the event that reported its latest match.
 #[derive(Default)]
 struct Table {
     readers: BTreeMap<GUID, u64>,

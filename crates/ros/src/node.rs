@@ -366,7 +366,7 @@ impl Node {
         self.subscribe_from(topic, qos, move |_, message| callback(message), |_| {})
     }
 
-    /// As [`Node::subscribe`], with each message's publisher, and told of every publisher (of any topic) that is gone.
+    /// As [`Node::subscribe`], with each message's publisher, and notified of every publisher (of any topic) that is gone.
     /// A publisher's messages come before its departure.
     ///
     /// # Errors
@@ -441,7 +441,7 @@ impl Node {
     }
 
     /// A service. `handler` runs on a thread where it may take its time; requests are answered one after the other, in
-    /// the order of their arrival; when [`WAITING`](crate::WAITING) wait, further ones are told that it is busy.
+    /// the order of their arrival; when [`WAITING`](crate::WAITING) wait, further ones are answered that it is busy.
     ///
     /// # Errors
     /// A wrong name, or the middleware's reason.

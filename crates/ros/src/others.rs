@@ -1,4 +1,4 @@
-//! Publishers of other participants on a topic: counted, and told of as they come and go.
+//! Publishers of other participants on a topic: counted, and reported as they come and go.
 
 use std::collections::BTreeSet;
 use std::sync::Arc;
@@ -15,7 +15,7 @@ use crate::{Node, RosError};
 
 /// How often the count is taken anew: the middleware drops news where many come at once.
 const REVIEW: Duration = Duration::from_secs(1);
-/// Publishers that are told apart, at most: whoever announces more of them holds no more memory.
+/// Publishers that are distinguished, at most: whoever announces more of them holds no more memory.
 const MAX_TOLD_APART: usize = 64;
 
 impl Core {
@@ -35,7 +35,7 @@ impl Core {
             .collect()
     }
 
-    /// Whether a publisher is this participant's. Once it has ended, all are: nobody is left to be told.
+    /// Whether a publisher is this participant's. Once it has ended, all are: nobody is left to notify.
     fn is_own(&self, publisher: PublisherId) -> bool {
         self.context().is_none_or(|context| {
             let own = context.domain_participant().guid().to_bytes();
@@ -46,14 +46,14 @@ impl Core {
 
 impl Node {
     /// Tells how many publishers of other participants announce this topic with this type: first how many there are,
-    /// then each time that the number changes. `told` runs on the node's threads and must be short.
+    /// then each time that the number changes. `report` runs on the node's threads and must be short.
     ///
     /// # Errors
     /// A wrong name.
     pub fn watch_publishers_of_others<M: Message>(
         &self,
         topic: &str,
-        mut told: impl FnMut(usize) + Send + 'static,
+        mut report: impl FnMut(usize) + Send + 'static,
     ) -> Result<(), RosError> {
         let core = Arc::clone(&self.core);
         let topic = format!("rt{}", core.full_name(topic, Subject::Topic)?);
@@ -77,7 +77,7 @@ impl Node {
                     Some(departure) = gone.recv() => others.retain(|publisher| !departure.covers(*publisher)),
                 }
                 if last.replace(others.len()) != Some(others.len()) {
-                    told(others.len());
+                    report(others.len());
                 }
             }
         });

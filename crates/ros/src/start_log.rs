@@ -55,7 +55,7 @@ pub(crate) fn start(arguments: &Arguments, namespace: &str, name: &str) -> Optio
 /// How often it is looked for new network interfaces.
 const INTERFACES_PERIOD: Duration = Duration::from_secs(2);
 
-/// The middleware uses an interface that comes up later too, from its next announcement on; a person is told of it,
+/// The middleware uses an interface that comes up later too, from its next announcement on; the log names it,
 /// until the process ends. Without the list, or a thread, nobody is.
 fn watch_interfaces() {
     let routes = || std::fs::read_to_string("/proc/net/route").map(|table| interfaces(&table));

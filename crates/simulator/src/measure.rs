@@ -35,7 +35,7 @@ impl From<PerJointType> for [f64; 3] {
 
 /// The figures of a walk. Serialised, those that are not known yet are null.
 #[derive(Clone, Debug, PartialEq, Serialize)]
-#[serde(into = "Told")]
+#[serde(into = "Rounded")]
 pub struct WalkFigures {
     /// Whether it went on after settling: means, deviations and the largest torque are 0 and unknown where it did not.
     pub settled: bool,
@@ -69,9 +69,9 @@ pub struct WalkFigures {
     pub max_tilt_deg: f64,
 }
 
-/// [`WalkFigures`] as they are told.
+/// [`WalkFigures`] as they are reported.
 #[derive(Serialize)]
-struct Told {
+struct Rounded {
     time_s: f64,
     mean_abs_torque_nm: Option<PerJointType>,
     max_torque_nm: Option<f64>,
@@ -87,11 +87,11 @@ struct Told {
     max_tilt_deg: f64,
 }
 
-impl From<WalkFigures> for Told {
+impl From<WalkFigures> for Rounded {
     fn from(f: WalkFigures) -> Self {
         let settled = |value: f64| f.settled.then_some(value);
         let speed = |value: f64| f.speed_known.then_some(value);
-        Told {
+        Rounded {
             time_s: f.time_s,
             mean_abs_torque_nm: f.settled.then_some(f.mean_abs_torque_nm),
             max_torque_nm: settled(f.max_torque_nm),

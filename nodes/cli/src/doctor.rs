@@ -119,8 +119,8 @@ pub fn run(arguments: &Arguments) -> Result<ExitCode> {
     let (failures, warnings) = (count(Verdict::Failure), count(Verdict::Warning));
     let code = if failures == 0 { ExitCode::SUCCESS } else { ExitCode::FAILURE };
     if arguments.json {
-        let told: Vec<_> = findings.iter().map(Finding::json).collect();
-        output::json(&serde_json::json!({ "findings": told, "failures": failures, "warnings": warnings }))?;
+        let listed: Vec<_> = findings.iter().map(Finding::json).collect();
+        output::json(&serde_json::json!({ "findings": listed, "failures": failures, "warnings": warnings }))?;
         return Ok(code);
     }
     for finding in &findings {

@@ -60,7 +60,7 @@ pub fn note(text: fmt::Arguments<'_>) {
     let _ = writeln!(io::stderr(), "{text}");
 }
 
-/// At once, so that what a person waits for is seen, and so that an error is told of and not lost at the end.
+/// At once, so that what a person waits for is seen, and so that an error is reported and not lost at the end.
 fn bytes(bytes: &[u8]) -> Result<(), Unwritable> {
     let mut out = io::stdout().lock();
     out.write_all(bytes).and_then(|()| out.flush()).map_err(Unwritable)
@@ -122,7 +122,7 @@ pub fn write_file(file: &Path, content: &[u8]) -> Result<()> {
     written.with_context(cannot)
 }
 
-/// How a file is told of: standard output by its name.
+/// How a file is named: standard output by its name.
 pub fn shown(file: &Path) -> String {
     if is_standard(file) { "standard output".into() } else { file.display().to_string() }
 }

@@ -313,7 +313,7 @@ fn timed(robot: &robot::Robot, request: &GaitRequest, arguments: &Arguments, ver
         if !verbose {
             return ControlFlow::Continue(());
         }
-        let told = say!(
+        let written = say!(
             "  iteration {:3}  objective {:.6e}  violation {:.1e}  to gain {:.1e}  step {:.3}{}",
             i.number,
             i.objective,
@@ -322,7 +322,7 @@ fn timed(robot: &robot::Robot, request: &GaitRequest, arguments: &Arguments, ver
             i.step_length,
             if i.elastic { "  (constraints relaxed)" } else { "" }
         );
-        unwritable = told.err();
+        unwritable = written.err();
         if unwritable.is_none() { ControlFlow::Continue(()) } else { ControlFlow::Break(()) }
     };
     let mut options = PlanOptions { reference: arguments.reference.into(), ..PlanOptions::default() };

@@ -1,6 +1,6 @@
 //! `tandem simulate`: a gait file walks in MuJoCo, without ROS.
 
-mod told;
+mod summary;
 
 use crate::interrupt::Interrupt;
 use crate::output;
@@ -26,7 +26,7 @@ use std::time::{Duration, Instant};
 /// The robot starts in the gait's initial state and the paper's PD law tracks the gait, mirrored at every step, with
 /// the robot's drives limited to what they can give. Says whether it stayed up, and its speed, drift and torques beside
 /// the paper's Table II. Ends with an error code if a robot fell. Ctrl-C ends it at once, with everything that was
-/// simulated in the bag and told of. One seed gives one trajectory, to the bit.
+/// simulated in the bag and reported. One seed gives one trajectory, to the bit.
 ///
 ///   tandem simulate amble.json
 ///   tandem simulate amble.json --noise 0.03 --seed 4
@@ -328,7 +328,7 @@ impl Done {
         samples: &[::report::Sample],
     ) -> Result<()> {
         let walking_from_s = self.walk.walking_from_s;
-        // A fall in the first steps, or a machine without OpenGL, leaves less to show. The walk itself is still told.
+        // A fall in the first steps, or a machine without OpenGL, leaves less to show. The walk itself is still reported.
         let mut tiles = Vec::new();
         let filmed = Studio::new(robot, &options.simulator, gait, samples, walking_from_s).and_then(|mut studio| {
             tiles = studio.tiles()?;

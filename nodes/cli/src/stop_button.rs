@@ -65,7 +65,7 @@ pub fn run(arguments: &Arguments) -> Result<ExitCode> {
     if let Some(failure) = node.stop().failure() {
         bail!("{failure}");
     }
-    // Leaves in order: a controller that does not ask for a heartbeat is told nothing by this.
+    // Leaves in order: a controller that does not ask for a heartbeat learns nothing by this.
     node.shutdown();
     say("gone. A controller that asks for a heartbeat has stopped the robot, unless another stop button runs.");
     left.map(|()| ExitCode::SUCCESS)
@@ -83,7 +83,7 @@ fn publish(node: &Node, mut input: Input, send: impl Fn(bool) -> Result<()>) -> 
     let mut failed = 0_u64;
     while !node.stop().is_requested() {
         let before = pressed;
-        // Every change is told at once; nothing for a while: the same again.
+        // Every change is published at once; nothing for a while: the same again.
         match input.wait(PERIOD) {
             Event::Nothing => {}
             Event::Press => pressed = true,

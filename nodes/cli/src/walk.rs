@@ -86,7 +86,7 @@ pub fn run(arguments: &Arguments) -> Result<ExitCode> {
     for name in &arguments.gaits {
         match session.walk(name, arguments.seconds, &arguments.out.join(name)) {
             Ok(walked) => done.push(walked),
-            // The gaits before are still told of.
+            // The gaits before are still reported.
             Err(error) => {
                 // Leaves in order; a robot that walks is asked to stop, also where nobody reads on.
                 session.leave();

@@ -5,7 +5,7 @@ use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::sync::{Mutex, PoisonError};
 use std::time::Duration;
 
-/// Publishers of the topic that are told apart. One more is not listened to for its `false`, and its being there counts
+/// Publishers of the topic that are distinguished. One more is not listened to for its `false`, and its being there counts
 /// as pressed.
 pub const PUBLISHERS: usize = 32;
 

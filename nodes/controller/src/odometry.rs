@@ -50,7 +50,7 @@ impl Odometer {
         }))
     }
 
-    /// Publishes a cycle's output, when it is time to. An estimate that is not good is told of with variances that say
+    /// Publishes a cycle's output, when it is time to. An estimate that is not good is published with variances that say
     /// so, and one that was never begun not at all.
     ///
     /// # Errors
@@ -92,7 +92,7 @@ impl Odometer {
 }
 
 /// What the balance says of itself, for diagnostics.
-pub fn told(output: &Output) -> Vec<KeyValue> {
+pub fn diagnostics(output: &Output) -> Vec<KeyValue> {
     let value = |key: &str, value: String| KeyValue { key: key.into(), value };
     let Some(estimate) = &output.estimate else { return vec![value("balance", "off".into())] };
     let balance = match &output.balance {

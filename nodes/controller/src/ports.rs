@@ -49,7 +49,7 @@ pub fn joint_state(
         named: from.map(|i| i.is_some()),
         position_rad: pick(&message.position),
         velocity_rad_s: pick(&message.velocity),
-        // None where they are not told or are no numbers.
+        // None where they are not given or are no numbers.
         torque_nm: (message.effort.len() == message.name.len())
             .then(|| pick(&message.effort))
             .filter(|torque| torque.iter().all(|value| value.is_finite())),

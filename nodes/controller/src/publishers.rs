@@ -247,7 +247,7 @@ impl Publishers {
                 values.push(value(&format!("{what}_{name}_us"), us(duration)));
             }
         }
-        values.extend(odometry::told(output));
+        values.extend(odometry::diagnostics(output));
         if let Some(bus) = &cycle.bus {
             for (n, link) in bus.links[..bus.count].iter().enumerate() {
                 values.push(value(

@@ -401,7 +401,7 @@ impl Writer {
 
     fn obey(&mut self, order: Order) {
         match order {
-            // Whoever asked and no longer waits has been told so.
+            // Whoever asked and no longer waits has been answered so.
             Order::Start(name, reply) => {
                 let started = self.start(&name);
                 if let Err(reason) = &started {

@@ -196,7 +196,7 @@ impl Services {
             let message = if request.data { "pressed: the robot is damped" } else { "released; it stays damped" };
             SetBoolResponse { success: true, message: message.into() }
         };
-        // A press counts however many requests wait before it; a release beyond them is told that it is busy.
+        // A press counts however many requests wait before it; a release beyond them is answered that it is busy.
         let beyond = press.clone();
         let options = ServeOptions::bounded(ros::WAITING, move |request: &SetBoolRequest| {
             if request.data {

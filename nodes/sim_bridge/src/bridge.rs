@@ -35,8 +35,8 @@ const REPUBLISH: Duration = Duration::from_millis(50);
 const OFFERED: Qos = Qos::reliable(10);
 /// A service gives up on the simulation's thread after this time.
 const SERVICE_PATIENCE: Duration = Duration::from_secs(3);
-/// Behind CAN nobody waits for the topics: joint states and clock are told of every so many control periods.
-const TOLD_EVERY: u64 = 4;
+/// Behind CAN nobody waits for the topics: joint states and clock are published every so many control periods.
+const PUBLISH_EVERY: u64 = 4;
 /// Behind CAN: how often frames are looked for between two control periods.
 const FRAME_POLL: Duration = Duration::from_micros(200);
 /// In realtime, what is more than this behind the wall clock is given up instead of being made up for.
@@ -44,7 +44,7 @@ const MAX_LAG: Duration = Duration::from_millis(50);
 /// How often the real-time factor and diagnostics are published.
 const REPORT_PERIOD: Duration = Duration::from_secs(1);
 
-/// Why the bridge ends before it is told to.
+/// Why the bridge ends before it is asked to.
 #[derive(Debug, thiserror::Error)]
 pub enum BridgeError {
     /// The middleware.
@@ -114,7 +114,7 @@ pub struct Bridge {
     period: u64,
     counts: Counts,
     report: Option<(Instant, f64)>,
-    standing_time_told: Option<Instant>,
+    standing_time_published: Option<Instant>,
 }
 
 impl Bridge {
@@ -212,7 +212,7 @@ impl Bridge {
             period: 1,
             counts: Counts::default(),
             report: None,
-            standing_time_told: None,
+            standing_time_published: None,
         })
     }
 
@@ -249,8 +249,8 @@ impl Bridge {
 
     /// While paused: the joint states for a controller that comes now, and the time for nodes that follow `/clock`.
     fn publish_standing_time(&mut self) -> Result<(), PublishError> {
-        if self.standing_time_told.is_none_or(|told| told.elapsed() >= REPUBLISH) {
-            self.standing_time_told = Some(Instant::now());
+        if self.standing_time_published.is_none_or(|at| at.elapsed() >= REPUBLISH) {
+            self.standing_time_published = Some(Instant::now());
             self.ports.clock.publish(Clock { clock: Time::from_nanoseconds(self.stamp_ns()) })?;
         }
         self.publish_joint_states()
@@ -260,9 +260,9 @@ impl Bridge {
     fn publish_all(&mut self) -> Result<(), PublishError> {
         let stamp = Time::from_nanoseconds(self.stamp_ns());
         let state = self.simulator.state();
-        // Behind topics every period is told of, because the controller answers it.
-        let told = self.bench.is_none() || self.period.is_multiple_of(TOLD_EVERY);
-        if told {
+        // Behind topics every period is published, because the controller answers it.
+        let publishes = self.bench.is_none() || self.period.is_multiple_of(PUBLISH_EVERY);
+        if publishes {
             self.ports.clock.publish(Clock { clock: stamp })?;
         }
         if self.period.is_multiple_of(self.config.imu_every) {
@@ -275,7 +275,7 @@ impl Bridge {
                 port.publish(ports::ground_force(force, &self.frames, stamp))?;
             }
         }
-        if told {
+        if publishes {
             self.ports.joint_states.publish(ports::joint_state(&state, &self.joint_names, stamp))?;
         }
         Ok(())

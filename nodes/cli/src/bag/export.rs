@@ -31,7 +31,7 @@ pub fn export_csv(
     bag: &Path,
     folder: &Path,
     topics: &[String],
-    told: &mut dyn FnMut(Written) -> Result<()>,
+    report: &mut dyn FnMut(Written) -> Result<()>,
 ) -> Result<()> {
     let bag = super::open(bag)?;
     super::check_topics(&bag, topics)?;
@@ -77,7 +77,7 @@ pub fn export_csv(
     drop(progress);
     for table in tables.values_mut() {
         table.file.flush().with_context(|| format!("cannot write {}", table.path.display()))?;
-        told(Written { file: table.path.clone(), rows: table.rows, columns: table.columns.0.len() + 1 })?;
+        report(Written { file: table.path.clone(), rows: table.rows, columns: table.columns.0.len() + 1 })?;
     }
     Ok(())
 }

@@ -17,7 +17,7 @@ pub struct Offered {
     /// Messages from before the start that are sent first.
     pub kept: usize,
     /// It has been said that a message of it could not be sent.
-    pub told: bool,
+    pub reported: bool,
 }
 
 impl Offered {
@@ -48,7 +48,7 @@ impl Offered {
                 let kept = asked.map_or_else(|| kept(topic), kept_as_asked);
                 let qos = asked.map_or_else(|| recorded(topic, reliable), stated);
                 let publisher = node.raw_publisher(&topic.name, &topic.type_name, qos)?;
-                Ok(Some(Offered { publisher, kept, told: false }))
+                Ok(Some(Offered { publisher, kept, reported: false }))
             })
             .collect()
     }

@@ -123,12 +123,12 @@ pub fn run(arguments: &Arguments) -> Result<ExitCode> {
         }
     }
     let (sent, lost, time_to_arrive) = (player.sent, player.lost, player.time_to_arrive());
-    let told = say!("{sent} messages sent{}", if lost > 0 { format!(", {lost} lost") } else { String::new() });
+    let written = say!("{sent} messages sent{}", if lost > 0 { format!(", {lost} lost") } else { String::new() });
     // The last messages may still be on their way, or asked for again: their publishers stay.
     rest(&node, time_to_arrive);
     drop(player);
     node.shutdown();
-    told?;
+    written?;
     Ok(if lost == 0 { ExitCode::SUCCESS } else { ExitCode::FAILURE })
 }
 
@@ -336,7 +336,7 @@ impl Player<'_> {
                 // Such as a message that is no little-endian CDR: the others are played.
                 Err(error) => {
                     self.lost += 1;
-                    if !std::mem::replace(&mut topic.told, true) {
+                    if !std::mem::replace(&mut topic.reported, true) {
                         note!("{error}");
                     }
                     return Ok(());

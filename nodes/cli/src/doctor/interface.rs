@@ -146,7 +146,7 @@ fn whole(name: &str, facts: &Facts, expected: &Expected, bring_up: &str) -> Vec<
             format!("{name} is {state}: errors pile up on the bus"),
             "look at the wiring, at 120 ohms at both ends, and that all drives are powered and have this bit rate",
         )),
-        // A stopped one is down, and has been told of.
+        // A stopped one is down, and has been reported.
         Some("STOPPED") if !facts.up => {}
         Some(state) => found.push(failure(format!("{name} is {state}"), bring_up)),
     }

@@ -182,7 +182,7 @@ impl Stable {
     }
 }
 
-/// The largest of three excesses; one that is no number is told, and not passed over.
+/// The largest of three excesses; one that is no number is reported, and not passed over.
 fn largest(excesses: [f64; 3]) -> f64 {
     excesses.into_iter().fold(0.0, |most, one| if one.is_nan() || one > most { one } else { most })
 }

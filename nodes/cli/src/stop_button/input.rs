@@ -11,7 +11,7 @@ use std::time::{Duration, Instant};
 /// A joystick's event: time in ms (4 bytes), value (2), kind (1), number (1).
 const JOYSTICK_EVENT: usize = 8;
 const KIND_BUTTON: u8 = 0x01;
-/// The state at the beginning, told as events: it counts, for a button that is held already.
+/// The state at the beginning, sent as events: it counts, for a button that is held already.
 const KIND_INITIAL: u8 = 0x80;
 
 /// What a person wants, or what happened to the input.

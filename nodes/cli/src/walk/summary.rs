@@ -1,4 +1,4 @@
-//! What is told at the end of all walks.
+//! What is reported at the end of all walks.
 
 use super::Walked;
 use robot::Robot;

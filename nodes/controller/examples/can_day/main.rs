@@ -89,7 +89,7 @@ struct Day {
 /// Services of the controller, and the simulation's own.
 const TRIGGERS: [&str; 5] = ["arm", "disarm", "stand", "walk", "/sim/reset"];
 /// Stood up faster than a real robot would be, because a second here takes many on the machine that plays it.
-/// Topics are told of less often than every millisecond for the same reason: the machine has one processor for
+/// Topics are published less often than every millisecond for the same reason: the machine has one processor for
 /// everything.
 const CONTROLLER: [&str; 9] = [
     "--ros-args",

@@ -80,8 +80,8 @@ impl Bench {
             }
         }
         let reasons: Vec<String> = reasons.iter().map(|(why, n)| format!("{n} × {why}")).collect();
-        let told = if reasons.is_empty() { String::new() } else { format!(" # {}", reasons.join(", ")) };
-        println!("{name} = {survived}/{of}{told}");
+        let comment = if reasons.is_empty() { String::new() } else { format!(" # {}", reasons.join(", ")) };
+        println!("{name} = {survived}/{of}{comment}");
     }
 }
 

@@ -1,4 +1,4 @@
-//! Undisturbed walking, and going where it is told.
+//! Undisturbed walking, and going where it is commanded.
 
 use super::cases::{Bench, velocity};
 use control::Velocity;
@@ -85,7 +85,7 @@ pub fn driving(bench: &Bench) {
     }
 }
 
-/// Where a robot that does exactly as it is told ends: the command slewed, integrated from the start.
+/// Where a robot that does exactly as it is commanded ends: the command slewed, integrated from the start.
 fn ideal(asked: &[(f64, Velocity)], seconds: f64) -> [f64; 2] {
     const STEP_S: f64 = 1e-3;
     let (mut v, mut at, mut yaw) = ([0.0_f64; 3], [0.0; 2], 0.0_f64);

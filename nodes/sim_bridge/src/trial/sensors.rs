@@ -74,7 +74,7 @@ impl Sensors {
         self.samples += 1.0;
     }
 
-    /// What the controller is told at `now`.
+    /// What the controller receives at `now`.
     pub fn read(&mut self, simulator: &Simulator, now: Duration) -> (JointState, InertialState) {
         let state = simulator.state();
         let (noise, random) = (self.noise, &mut self.random);
