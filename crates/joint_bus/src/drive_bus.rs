@@ -66,7 +66,8 @@ pub trait JointBus {
     }
     /// Takes over everything that came in by `now`.
     fn read(&mut self, now: Duration, readings: &mut Readings);
-    /// Sends a command to every joint. With `drives_on` false the drives are commanded to rest (and asked for their state).
+    /// Sends a command to every joint. With `drives_on` false the drives are commanded to rest (and asked for their
+    /// state).
     fn write(&mut self, command: &JointCommand, drives_on: bool, now: Duration);
     /// Someone wants to arm. False while first answers of joints are awaited that nobody has asked where they are: ask
     /// again in the next cycle.

@@ -373,7 +373,7 @@ where
         if let Some(goal) = self.goals.get_mut(&id) {
             goal.status = match end {
                 GoalEnd::Succeeded => GoalStatusEnum::Succeeded,
-                // Its end was decided before it saw that it is to stop; whoever was told that it stops shall see it stopped.
+                // Its end was decided before the cancellation came: whoever was answered that it stops sees it stopped.
                 GoalEnd::Aborted if goal.status == GoalStatusEnum::Canceling => GoalStatusEnum::Canceled,
                 GoalEnd::Aborted => GoalStatusEnum::Aborted,
                 GoalEnd::Cancelled => GoalStatusEnum::Canceled,

@@ -366,8 +366,8 @@ impl Node {
         self.subscribe_from(topic, qos, move |_, message| callback(message), |_| {})
     }
 
-    /// As [`Node::subscribe`], with each message's publisher, and notified of every publisher (of any topic) that is gone.
-    /// A publisher's messages come before its departure.
+    /// As [`Node::subscribe`], with each message's publisher, and notified of every publisher (of any topic) that is
+    /// gone. A publisher's messages come before its departure.
     ///
     /// # Errors
     /// A wrong name, or the middleware's reason.

@@ -334,7 +334,7 @@ impl Store {
         self.completed.notify_all();
     }
 
-    /// Waits until all are declared: who asks a node that is starting shall not be answered that it has no such parameter.
+    /// Waits until all are declared: a node that is starting shall not deny a parameter that it will have.
     pub(crate) fn wait_until_complete(&self) {
         let complete = self.complete.lock().unwrap_or_else(PoisonError::into_inner);
         let left = DECLARING.saturating_sub(self.started.elapsed());

@@ -26,7 +26,8 @@ impl Clock {
         Clock { simulated: Some(Arc::clone(time_ns)) }
     }
 
-    /// Simulated time where the parameter `use_sim_time` says so (0 until a clock is received), else the machine's. Wait-free.
+    /// Simulated time where the parameter `use_sim_time` says so (0 until a clock is received), else the machine's.
+    /// Wait-free.
     #[must_use]
     pub fn now(&self) -> Time {
         match &self.simulated {

@@ -328,7 +328,8 @@ impl Done {
         samples: &[::report::Sample],
     ) -> Result<()> {
         let walking_from_s = self.walk.walking_from_s;
-        // A fall in the first steps, or a machine without OpenGL, leaves less to show. The walk itself is still reported.
+        // A fall in the first steps, or a machine without OpenGL, leaves less to show. The walk itself is still
+        // reported.
         let mut tiles = Vec::new();
         let filmed = Studio::new(robot, &options.simulator, gait, samples, walking_from_s).and_then(|mut studio| {
             tiles = studio.tiles()?;

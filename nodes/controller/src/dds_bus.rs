@@ -3,7 +3,7 @@
 //! [`listen`] and [`CommandPublisher`].
 
 use crate::inputs::{InputProblems, StateWatch, Topic};
-use crate::others::{COMMANDS, OtherSpeakers};
+use crate::others::{COMMANDS, OtherPublishers};
 use crate::ports;
 use crate::publishers::OFFERED;
 use control::{FaultReport, JOINTS, JointCommand};
@@ -73,7 +73,7 @@ pub struct DdsBus {
     now: Duration,
     last: Option<CommandMessage>,
     health: LinkHealth,
-    others: OtherSpeakers,
+    others: OtherPublishers,
 }
 
 impl DdsBus {
@@ -100,13 +100,13 @@ impl DdsBus {
             now: Duration::ZERO,
             last: None,
             health: LinkHealth::default(),
-            others: OtherSpeakers::default(),
+            others: OtherPublishers::default(),
         }
     }
 
     /// Others' publishers of commands are a fault.
     #[must_use]
-    pub fn beside(mut self, others: OtherSpeakers) -> Self {
+    pub fn beside(mut self, others: OtherPublishers) -> Self {
         self.others = others;
         self
     }

@@ -5,8 +5,8 @@ use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::sync::{Mutex, PoisonError};
 use std::time::Duration;
 
-/// Publishers of the topic that are distinguished. One more is not listened to for its `false`, and its being there counts
-/// as pressed.
+/// Publishers of the topic that are distinguished. One more is not listened to for its `false`, and its being there
+/// counts as pressed.
 pub const PUBLISHERS: usize = 32;
 
 /// What the control cycle sees of one publisher.

@@ -4,8 +4,8 @@
 //!
 //! - the **cycle** ([`cycle`]): a thread of its own, real-time where the system grants it, that runs
 //!   [`control::Controller::step`] and nothing else; no lock, no allocation, no logging, no publishing;
-//! - the **services** ([`services`]): callbacks and services on the middleware's threads, which turn messages into values, refuse what
-//!   is wrong with them, and put the rest into the buffers;
+//! - the **services** ([`services`]): callbacks and services on the middleware's threads, which turn messages into
+//!   values, refuse what is wrong with them, and put the rest into the buffers;
 //! - the **recording** ([`recording`]): the thread that records every cycle into a bag, where that is asked for;
 //! - the **publishers** ([`publishers`]): a thread that publishes the cycle's output.
 //!

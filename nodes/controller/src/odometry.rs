@@ -50,8 +50,8 @@ impl Odometer {
         }))
     }
 
-    /// Publishes a cycle's output, when it is time to. An estimate that is not good is published with variances that say
-    /// so, and one that was never begun not at all.
+    /// Publishes a cycle's output, when it is time to. An estimate that is not good is published with variances that
+    /// say so, and one that was never begun not at all.
     ///
     /// # Errors
     /// What the middleware refuses.

@@ -14,9 +14,9 @@ const LISTENING: Duration = Duration::from_secs(1);
 
 /// Other participants' publishers of commands, counted as they come and go. Wait-free to read.
 #[derive(Clone, Debug, Default)]
-pub struct OtherSpeakers(Arc<AtomicUsize>);
+pub struct OtherPublishers(Arc<AtomicUsize>);
 
-impl OtherSpeakers {
+impl OtherPublishers {
     /// Counts them from now on. One that announces another type is none: nobody takes its messages for commands.
     ///
     /// # Errors

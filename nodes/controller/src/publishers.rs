@@ -57,7 +57,8 @@ struct Last {
 }
 
 impl Publishers {
-    /// Creates the publishers. Without one for commands the cycle reads the drives itself, and `joint_states` is published.
+    /// Creates the publishers. Without one for commands the cycle reads the drives itself, and `joint_states` is
+    /// published.
     pub fn new(
         node: &Node,
         joint_names: [String; JOINTS],

@@ -1,7 +1,7 @@
-//! Recording a run: what each cycle saw and put out goes through a wait-free buffer to a thread that writes it into a bag.
+//! Recording a run: what each cycle saw and put out goes through a wait-free buffer to a thread that writes a bag.
 //!
-//! The cycle's end ([`CycleLog`]) takes no lock, allocates nothing and never waits: what does not fit is dropped and counted. The
-//! writer's end ([`Recording`]) has a thread of its own; a full or missing disk is a fault of the recording, not of the walk.
+//! The cycle's end ([`CycleLog`]) takes no lock, allocates nothing and never waits: what does not fit is counted.
+//! The writer's end ([`Recording`]) has its own thread; a full or missing disk is its fault, not one of the walk.
 
 use control::{
     Config, Controller, InertialState, Input, JOINTS, JointState, MAX_REQUESTS, Output, PreparedGait, Request, Snapshot,
@@ -214,8 +214,7 @@ pub fn open(subject: Subject) -> (CycleLog, Recording, Writer) {
     let (others, active) = (Arc::new(AtomicU64::new(0)), Arc::new(AtomicBool::new(false)));
     let status = Arc::new(Mutex::new(RecordingStatus::default()));
     let gaits = Gaits::default();
-    let cycle_log =
-        CycleLog { cycles: cycles_in, beginnings: beginnings_in, shared: Arc::clone(&shared), recording: 0 };
+    let log = CycleLog { cycles: cycles_in, beginnings: beginnings_in, shared: Arc::clone(&shared), recording: 0 };
     let recording = Recording {
         orders: orders_in,
         others: Arc::clone(&others),
@@ -238,7 +237,7 @@ pub fn open(subject: Subject) -> (CycleLog, Recording, Writer) {
         recordings: 0,
         run: None,
     };
-    (cycle_log, recording, writer)
+    (log, recording, writer)
 }
 
 impl Recording {

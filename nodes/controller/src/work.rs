@@ -9,12 +9,12 @@ use crate::drive;
 use crate::emergency_stop::EmergencyStop;
 use crate::inputs::InputProblems;
 use crate::odometry::Odometer;
-use crate::others::OtherSpeakers;
+use crate::others::OtherPublishers;
 use crate::publishers::{self, PublisherThread, Publishers};
 use crate::recording::{self, Recording, Subject};
 use crate::services::{Sensors, Services};
 use anyhow::Context as _;
-use control::{Controller, Mode};
+use control::{Config, Controller, Mode};
 use joint_bus::can::CanLink;
 use joint_bus::{BusConfig, CanLock, DriveBus, DriveProtocol};
 use realtime::{Warning, monotonic_now};
@@ -78,7 +78,7 @@ struct Running {
     node: Node,
     services: Arc<Services>,
     emergency_stop: Arc<EmergencyStop>,
-    others: OtherSpeakers,
+    others: OtherPublishers,
     recording: Arc<Recording>,
     stop: Arc<AtomicBool>,
     cycle_ended: Arc<AtomicBool>,
@@ -121,10 +121,7 @@ impl Work {
 
     fn open(&self, active: bool) -> anyhow::Result<Running> {
         let parameters = &self.parameters;
-        let robot = Robot::load(&robot::find(&parameters.robot_folder)?)?;
-        for note in &robot.notes {
-            tracing::info!("robot '{}': {note}", robot.name);
-        }
+        let robot = self.load_robot()?;
         let config = parameters.control(&robot)?;
         let controller = Controller::new(config.clone())?;
         let drives = parameters.bus_file.as_deref().map(|file| open_bus(file, &robot, &config)).transpose()?;
@@ -144,24 +141,16 @@ impl Work {
         let emergency_stop = Arc::new(EmergencyStop::new(parameters.heartbeat));
         emergency_stop.set_active(active);
         let node = self.node.part();
-        let others = if on_bus { OtherSpeakers::default() } else { OtherSpeakers::listen_first(&node)? };
-        let stop = Arc::new(AtomicBool::new(false));
-        let cycle_ended = Arc::new(AtomicBool::new(false));
+        let others = if on_bus { OtherPublishers::default() } else { OtherPublishers::listen_first(&node)? };
+        let (stop, cycle_ended) = (Arc::new(AtomicBool::new(false)), Arc::new(AtomicBool::new(false)));
 
         // Where the controller's clock is the machine's own, a bag's times count from the epoch all the same.
         let since_epoch = SystemTime::now().duration_since(UNIX_EPOCH).context("the machine's clock is before 1970")?;
         let own_clock = on_bus || (!lockstep && parameters.clock == CycleClock::Monotonic);
-        let zero = since_epoch.saturating_sub(monotonic_now());
-        let leg_names = std::array::from_fn(|leg| robot.legs[leg].name.clone());
-        let (cycle_log, recording, writer) = recording::open(Subject {
-            config: config.clone(),
-            robot_description: robot.urdf.clone(),
-            leg_names: Clone::clone(&leg_names),
-            epoch_ns: if own_clock { u64::try_from(zero.as_nanos()).unwrap_or_default() } else { 0 },
-            record_root: parameters.record_root.clone(),
-            split_bytes: parameters.split_bytes,
-            split_duration: parameters.split_duration,
-        });
+        let zero = if own_clock { since_epoch.saturating_sub(monotonic_now()) } else { Duration::ZERO };
+        let subject = self.subject(&robot, &config, zero);
+        let leg_names = subject.leg_names.clone();
+        let (cycle_log, recording, writer) = recording::open(subject);
         let recording = Arc::new(recording);
         recording.listen(&node, &leg_names)?;
         let problems = Arc::<InputProblems>::default();
@@ -217,9 +206,8 @@ impl Work {
         let (pace, period, realtime) = (parameters.pace, parameters.period, parameters.realtime);
         // In lockstep the cycle follows the stamps and nothing else.
         let clock = if lockstep { CycleClock::JointStates } else { parameters.clock };
-        let patience = 2 * Duration::from_secs_f64(config.state_timeout_s);
-        let topics =
-            DdsBus::new(states, commands_in, Some(publishers.thread().clone()), clock, patience).beside(others.clone());
+        let (patience, awaits) = (2 * Duration::from_secs_f64(config.state_timeout_s), publishers.thread().clone());
+        let topics = DdsBus::new(states, commands_in, Some(awaits), clock, patience).beside(others.clone());
         let control = std::thread::Builder::new().name("control".into()).spawn(move || {
             // The receiver waits for it; the channel has room.
             let warn = move |list: Vec<Warning>| warnings_in.send(list).unwrap_or_default();
@@ -262,13 +250,37 @@ impl Work {
                 Err(more) => anyhow::anyhow!("{error}; {more}"),
             });
         }
-        let how = match (on_bus, lockstep) {
-            (true, _) => "on CAN",
-            (false, true) => "over DDS in lockstep",
-            (false, false) => "over DDS in realtime",
-        };
-        tracing::info!("{}: disarmed, {how}", config.robot);
+        tracing::info!("{}: disarmed, {}", config.robot, self.way_to_joints());
         Ok(running)
+    }
+
+    fn load_robot(&self) -> anyhow::Result<Robot> {
+        let robot = Robot::load(&robot::find(&self.parameters.robot_folder)?)?;
+        for note in &robot.notes {
+            tracing::info!("robot '{}': {note}", robot.name);
+        }
+        Ok(robot)
+    }
+
+    /// What is recorded, where the controller's clock counts from `zero` after the epoch.
+    fn subject(&self, robot: &Robot, config: &Config, zero: Duration) -> Subject {
+        Subject {
+            config: config.clone(),
+            robot_description: robot.urdf.clone(),
+            leg_names: std::array::from_fn(|leg| robot.legs[leg].name.clone()),
+            epoch_ns: u64::try_from(zero.as_nanos()).unwrap_or_default(),
+            record_root: self.parameters.record_root.clone(),
+            split_bytes: self.parameters.split_bytes,
+            split_duration: self.parameters.split_duration,
+        }
+    }
+
+    fn way_to_joints(&self) -> &'static str {
+        match (&self.parameters.bus_file, self.parameters.pace) {
+            (Some(_), _) => "on CAN",
+            (None, Pace::Lockstep) => "over DDS in lockstep",
+            (None, Pace::Realtime) => "over DDS in realtime",
+        }
     }
 }
 

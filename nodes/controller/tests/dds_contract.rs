@@ -8,7 +8,7 @@ use std::sync::Arc;
 use std::sync::mpsc::{Receiver, channel};
 use std::time::{Duration, Instant};
 use tandem_controller::dds_bus::{CommandMessage, CommandPublisher, CycleClock, DEPTH, DdsBus, StateMessage, listen};
-use tandem_controller::others::OtherSpeakers;
+use tandem_controller::others::OtherPublishers;
 use tandem_msgs::builtin_interfaces::Time;
 use tandem_msgs::sensor_msgs::JointState;
 
@@ -217,7 +217,7 @@ fn commands_answer_the_newest_state_and_a_stalled_speaker_is_counted() {
 #[test]
 fn another_publisher_of_commands_is_a_fault_in_the_cycle_that_follows_and_can_be_cleared_when_it_left() {
     let (bus, mut states, _commands) = bus(CycleClock::Monotonic);
-    let others = OtherSpeakers::default();
+    let others = OtherPublishers::default();
     let mut bus = bus.beside(others.clone());
     states.push(message(5 * MS, 5 * MS)).unwrap();
     assert_eq!(bus.now(6 * MS), 6 * MS);

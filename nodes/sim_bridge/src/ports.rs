@@ -31,8 +31,8 @@ fn header(stamp: Time, frame: &str) -> Header {
     Header { stamp, frame_id: frame.into() }
 }
 
-/// What is published of the base and the ground is rounded far below what any sensor resolves: the rest is the noise of computing,
-/// and most of a recording's bytes.
+/// What is published of the base and the ground is rounded far below what any sensor resolves: the rest is the noise
+/// of computing, and most of a recording's bytes.
 fn vector(value: [f64; 3], resolution: fn(f64) -> f64) -> Vector3 {
     let [x, y, z] = value.map(resolution);
     Vector3 { x, y, z }

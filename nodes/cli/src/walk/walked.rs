@@ -37,7 +37,8 @@ impl Walked {
         samples: &[report::Sample],
         walking_from_s: f64,
     ) -> Result<()> {
-        // A fall in the first steps, or a machine without OpenGL, leaves less to show. The walk itself is still reported.
+        // A fall in the first steps, or a machine without OpenGL, leaves less to show. The walk itself is still
+        // reported.
         let mut tiles = Vec::new();
         let options = SimulatorOptions::default();
         let filmed = Studio::new(robot, &options, &self.gait, samples, walking_from_s).and_then(|mut studio| {
