@@ -152,14 +152,14 @@ fn entry(at: &Evaluation, place: usize) -> f64 {
 
 /// An entry of a row that is to be eliminated.
 #[derive(Clone, Copy)]
-struct Entry {
+struct RowEntry {
     column: usize,
     value: f64,
     /// The largest number that went into the value: what it is rounded by.
     size: f64,
 }
 
-impl Entry {
+impl RowEntry {
     /// The product, in the other's column.
     fn times(&self, other: &Self) -> Self {
         let size = (self.value.abs() * other.size).max(self.size * other.value.abs());
@@ -173,7 +173,7 @@ impl Entry {
 
 /// The rows that are still to be eliminated.
 struct Remaining {
-    rows: Vec<Vec<Entry>>,
+    rows: Vec<Vec<RowEntry>>,
     /// Rows still to come that hold each column.
     columns: Vec<Vec<usize>>,
     /// Rows still to come by their length.
@@ -181,7 +181,7 @@ struct Remaining {
     /// Steps whose variables have been taken out of each row.
     before: Vec<Vec<usize>>,
     /// The pivot's entries by column, while its variable is taken out.
-    places: Vec<Option<Entry>>,
+    places: Vec<Option<RowEntry>>,
     /// The row in which each of the pivot's columns was met last.
     met: Vec<usize>,
 }
@@ -216,7 +216,7 @@ impl Remaining {
     }
 
     /// Takes a row out of those to come.
-    fn take(&mut self, row: usize) -> Vec<Entry> {
+    fn take(&mut self, row: usize) -> Vec<RowEntry> {
         let entries = std::mem::take(&mut self.rows[row]);
         self.by_length.remove(&(entries.len(), row));
         for e in &entries {
@@ -228,7 +228,7 @@ impl Remaining {
     }
 
     /// Takes the variable `column` of step `step`, whose row is `pivot`, divided by its entry, out of the rows that hold it.
-    fn eliminate(&mut self, step: usize, column: usize, pivot: &[Entry]) {
+    fn eliminate(&mut self, step: usize, column: usize, pivot: &[RowEntry]) {
         for e in pivot {
             self.places[e.column] = Some(*e);
         }
@@ -248,7 +248,7 @@ impl Remaining {
             for e in pivot {
                 if self.met[e.column] != row {
                     let product = factor.times(e);
-                    entries.push(Entry { value: -product.value, ..product });
+                    entries.push(RowEntry { value: -product.value, ..product });
                     self.columns[e.column].push(row);
                 }
             }
@@ -291,11 +291,11 @@ impl Elimination {
         let numbers = |row: &Row| {
             let entry = |&(column, place): &(usize, usize)| {
                 let value = entry(at, place);
-                Entry { column, value, size: value.abs() }
+                RowEntry { column, value, size: value.abs() }
             };
             row.iter().map(entry).collect::<Vec<_>>()
         };
-        let rows: Vec<Vec<Entry>> = equalities.iter().map(|(_, row)| numbers(row)).collect();
+        let rows: Vec<Vec<RowEntry>> = equalities.iter().map(|(_, row)| numbers(row)).collect();
         let mut columns = vec![Vec::new(); n];
         for (r, row) in rows.iter().enumerate() {
             for e in row {
@@ -308,7 +308,7 @@ impl Elimination {
             Remaining { rows, columns, by_length, before, places: vec![None; n], met: vec![usize::MAX; n] };
         let mut steps = Vec::with_capacity(equalities.len());
         let mut is_free = vec![true; n];
-        let mut step = |remaining: &mut Remaining, row: usize, column: Option<usize>, rest: &[Entry]| {
+        let mut step = |remaining: &mut Remaining, row: usize, column: Option<usize>, rest: &[RowEntry]| {
             let (equality, entries) = &mut equalities[row];
             steps.push(Pivot {
                 equality: *equality,
@@ -321,7 +321,7 @@ impl Elimination {
         let mut count = 0;
         while let Some((row, place)) = remaining.best() {
             let mut pivot = remaining.take(row);
-            let Entry { column, value, .. } = pivot.swap_remove(place);
+            let RowEntry { column, value, .. } = pivot.swap_remove(place);
             for e in &mut pivot {
                 e.value /= value;
                 e.size /= value.abs();

@@ -18,7 +18,7 @@ const SETTLE: Duration = Duration::from_millis(100);
 
 type Endpoint<S> = ros2_client::Client<Wire<<S as Service>::Request>, Wire<<S as Service>::Response>>;
 
-pub(crate) struct Inner<S: Service> {
+pub(crate) struct ClientInner<S: Service> {
     /// None once the node is shut down.
     endpoint: RwLock<Option<Arc<Endpoint<S>>>>,
     /// One call at a time: with more in flight the middleware loses responses.
@@ -27,7 +27,7 @@ pub(crate) struct Inner<S: Service> {
     servers: Peers,
 }
 
-impl<S: Service> Inner<S> {
+impl<S: Service> ClientInner<S> {
     pub(crate) fn close(&self) {
         drop(self.endpoint.write().unwrap_or_else(PoisonError::into_inner).take());
     }
@@ -36,7 +36,7 @@ impl<S: Service> Inner<S> {
 /// Calls a service, one call after the other. Clones share the endpoint.
 pub struct Client<S: Service> {
     service: Arc<str>,
-    inner: Arc<Inner<S>>,
+    inner: Arc<ClientInner<S>>,
     core: Arc<Core>,
 }
 
@@ -50,7 +50,7 @@ impl<S: Service> Client<S> {
     pub(crate) fn new(service: String, endpoint: Endpoint<S>, servers: Peers, core: Arc<Core>) -> Self {
         Client {
             service: service.into(),
-            inner: Arc::new(Inner {
+            inner: Arc::new(ClientInner {
                 endpoint: RwLock::new(Some(Arc::new(endpoint))),
                 turn: tokio::sync::Mutex::new(()),
                 settled: AtomicBool::new(false),
@@ -60,7 +60,7 @@ impl<S: Service> Client<S> {
         }
     }
 
-    pub(crate) fn weak(&self) -> Weak<Inner<S>> {
+    pub(crate) fn weak(&self) -> Weak<ClientInner<S>> {
         Arc::downgrade(&self.inner)
     }
 

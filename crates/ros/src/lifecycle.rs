@@ -244,7 +244,7 @@ pub enum ChangeError {
     },
 }
 
-struct Inner {
+struct LifecycleInner {
     state: AtomicU8,
     autostart: bool,
     managed: Mutex<Box<dyn Managed>>,
@@ -254,7 +254,7 @@ struct Inner {
 /// A managed node's state. Clones share it.
 #[derive(Clone)]
 pub struct Lifecycle {
-    inner: Arc<Inner>,
+    inner: Arc<LifecycleInner>,
 }
 
 impl Node {
@@ -273,7 +273,7 @@ impl Node {
             .get();
         let events = self.publisher("~/transition_event", Qos::reliable(10))?;
         let state = AtomicU8::new(Unconfigured as u8);
-        let inner = Inner { state, autostart, managed: Mutex::new(Box::new(managed)), events };
+        let inner = LifecycleInner { state, autostart, managed: Mutex::new(Box::new(managed)), events };
         let lifecycle = Lifecycle { inner: Arc::new(inner) };
         let this = lifecycle.clone();
         self.serve::<wire::ChangeState>("~/change_state", move |request| {

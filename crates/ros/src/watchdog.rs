@@ -70,7 +70,7 @@ impl Thread {
 const SUSPENDED: u8 = 100;
 
 #[derive(Debug, Default)]
-struct State {
+struct WatchState {
     /// 0, a [`Thread`] that stands still, or [`SUSPENDED`]. The first failure stays.
     failure: AtomicU8,
     supervised: bool,
@@ -83,12 +83,12 @@ struct State {
 
 /// Whether a node's threads live. Clones share one state.
 #[derive(Clone, Debug, Default)]
-pub struct Health(Arc<State>);
+pub struct Health(Arc<WatchState>);
 
 impl Health {
     /// With `supervised` a panic in any thread of the process is a failure.
     pub(crate) fn new(supervised: bool) -> Self {
-        Health(Arc::new(State { supervised, ..State::default() }))
+        Health(Arc::new(WatchState { supervised, ..WatchState::default() }))
     }
 
     /// Whether anything has failed: the process ends soon, and a robot is damped now. Wait-free.

@@ -9,7 +9,7 @@ use std::time::Duration;
 /// A link that is down is tried again after this time.
 const RETRY: Duration = Duration::from_millis(100);
 
-struct End {
+struct BusEnd {
     link: Box<dyn Link + Send>,
     /// When to try again, if it is down.
     down_until: Option<Duration>,
@@ -20,7 +20,7 @@ pub struct DriveBench {
     protocol: DriveProtocol,
     config: BusConfig,
     drives: [EmulatedDrive; JOINTS],
-    ends: Vec<End>,
+    ends: Vec<BusEnd>,
     /// Replies lost to full queues.
     lost_replies: u64,
 }
@@ -37,7 +37,7 @@ impl DriveBench {
             let model = DriveModel { torque_limit_nm: model.torque_limit_nm / joint.gear_ratio, ..model };
             EmulatedDrive::new(joint.id, joint.ranges, model)
         });
-        let ends = links.into_iter().map(|link| End { link, down_until: None }).collect();
+        let ends = links.into_iter().map(|link| BusEnd { link, down_until: None }).collect();
         Self { protocol: DriveProtocol::of(&config), config, drives, ends, lost_replies: 0 }
     }
 

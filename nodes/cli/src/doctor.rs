@@ -193,7 +193,7 @@ fn examine(arguments: &Arguments) -> Result<Vec<Finding>> {
 /// What was seen of the machine and of the drives.
 struct Looked {
     refused: Vec<realtime::Warning>,
-    pace: machine::Pace,
+    pace: machine::LoopTiming,
     /// None where an interface cannot be opened, which its own findings explain; an error where a controller is its
     /// master.
     seen: Result<Option<drives::Seen>, CanLockError>,
@@ -214,7 +214,7 @@ fn look(arguments: &Arguments, bus: &BusConfig) -> Result<Looked> {
             .spawn(|| {
                 let refused = request.apply();
                 let mut periodic = Periodic::new(Duration::from_millis(1));
-                let mut pace = machine::Pace::default();
+                let mut pace = machine::LoopTiming::default();
                 let mut wait = || {
                     pace.record(&periodic.wait());
                     monotonic_now()

@@ -82,8 +82,8 @@ const TIMING_EVERY: u64 = 1000;
 /// Lockstep looks at the end of the program this often.
 const LOCKSTEP_PATIENCE: Duration = Duration::from_millis(20);
 
-/// The cycle's eye on the threads through which the stop is received. It watches them itself, so that nothing else has
-/// to run for the robot to be damped when they do not.
+/// The cycle's watch over the threads through which the stop is received. It watches them itself, so that nothing else
+/// has to run for the robot to be damped when they do not.
 pub struct Middleware {
     /// The node's.
     pub health: Health,

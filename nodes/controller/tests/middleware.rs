@@ -199,7 +199,7 @@ fn walk_and_break(bus: &str, how: &str, timeout: Duration) {
     };
     let seen = Arc::new(Seen::default());
     let (q, v) = (gait.initial.joint_position_rad, gait.initial.joint_velocity_rad_s);
-    let eye = Arc::clone(&seen);
+    let observer = Arc::clone(&seen);
     let realtime = RealtimeRequest { priority: Some(80), ..RealtimeRequest::default() };
     if bus == "can" {
         let config = bus_config(&robot, &config);
@@ -207,14 +207,14 @@ fn walk_and_break(bus: &str, how: &str, timeout: Duration) {
         let drives = config.joints.each_ref().map(|j| EmulatedDrive::new(j.id, j.ranges, DriveModel::default()));
         let bus = DriveBus::new(config.clone(), Mit::default(), near);
         let far = Drives { config, links, drives, command: JointCommand::LIMP };
-        std::thread::spawn(move || play(far, q, v, eye));
+        std::thread::spawn(move || play(far, q, v, observer));
         std::thread::spawn(move || cycle.run_realtime(bus, PERIOD, realtime, |_| {}));
     } else {
         let (states_in, states) = RingBuffer::new(DEPTH);
         let (commands_in, commands) = RingBuffer::new(DEPTH);
         let bus = DdsBus::new(states, commands_in, None, CycleClock::Monotonic, MS);
         let far = Topics { states: states_in, commands };
-        std::thread::spawn(move || play(far, q, v, eye));
+        std::thread::spawn(move || play(far, q, v, observer));
         std::thread::spawn(move || cycle.run_realtime(bus, PERIOD, realtime, |_| {}));
     }
     let deadline = Instant::now() + Duration::from_secs(10);

@@ -28,7 +28,7 @@ pub(super) struct Postures {
 }
 
 /// One leg's chain of frames.
-struct Leg<'a> {
+struct LegChain<'a> {
     model: &'a Model,
     about: &'a LegFound,
     dof: [usize; 3],
@@ -46,7 +46,7 @@ struct At {
     toe: Vector3<f64>,
 }
 
-impl<'a> Leg<'a> {
+impl<'a> LegChain<'a> {
     fn new(model: &'a Model, about: &'a LegFound) -> Self {
         let dof = std::array::from_fn(|k| model.joint_index(&about.joints[k]).expect("a leg's joints move"));
         let frame = |name: &str| model.frame_id(name).expect("every link is a frame");
@@ -129,7 +129,7 @@ impl<'a> Leg<'a> {
 pub(super) fn find(model: &Model, description: &Description, found: &Found) -> Result<Postures, RobotError> {
     let mut data = Data::new(model);
     let mut look_at = Vec::new();
-    let legs: Vec<Leg> = found.legs.iter().map(|about| Leg::new(model, about)).collect();
+    let legs: Vec<LegChain> = found.legs.iter().map(|about| LegChain::new(model, about)).collect();
     let length_m = legs[0].length_m(&mut data);
     let hip_z = legs[0].at(&mut data, &[0.0; 3]).thigh.z;
     let front = |data: &mut Data, share: f64| all_legs(&legs, data, hip_z - share * length_m);
@@ -171,7 +171,7 @@ type Angles = [[f64; 3]; 4];
 
 /// All legs with their toes at height `z`: all knees behind, else all before, else as each can, with a line that says
 /// so.
-fn all_legs(legs: &[Leg], data: &mut Data, z: f64) -> Option<(Angles, Option<String>)> {
+fn all_legs(legs: &[LegChain], data: &mut Data, z: f64) -> Option<(Angles, Option<String>)> {
     let tries = [true, false].map(|behind| legs.iter().map(|leg| leg.below(data, z, behind)).collect::<Vec<_>>());
     for side in &tries {
         if let [Some(a), Some(b), Some(c), Some(d)] = side[..] {

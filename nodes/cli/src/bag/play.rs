@@ -107,7 +107,7 @@ pub fn run(arguments: &Arguments) -> Result<ExitCode> {
         wait_for_slow: arguments.reliable,
         rate: arguments.rate,
         paused: arguments.pause,
-        pace: Pace { wall: Instant::now(), bag_ns: start_ns },
+        pace: Pacing { wall: Instant::now(), bag_ns: start_ns },
         next_tick: Instant::now(),
         sent: 0,
         recent: (Instant::now(), 0, 0),
@@ -173,7 +173,7 @@ enum Ended {
 
 /// At which time of the wall clock which time of the bag was due.
 #[derive(Clone, Copy)]
-struct Pace {
+struct Pacing {
     wall: Instant,
     bag_ns: u64,
 }
@@ -188,7 +188,7 @@ struct Player<'a> {
     wait_for_slow: bool,
     rate: f64,
     paused: bool,
-    pace: Pace,
+    pace: Pacing,
     next_tick: Instant,
     sent: u64,
     /// When the present second began, and how long, ms, what was sent in the one before, and in it, may take to arrive.
@@ -200,7 +200,7 @@ impl Player<'_> {
     fn play(&mut self, from_ns: u64) -> Result<Ended> {
         let mut messages = self.bag.messages()?;
         let first = self.skip_to(&mut messages, from_ns)?;
-        self.pace = Pace { wall: Instant::now(), bag_ns: from_ns };
+        self.pace = Pacing { wall: Instant::now(), bag_ns: from_ns };
         for message in first.map(Ok).into_iter().chain(messages) {
             let message = message?;
             if let Some(ended) = self.wait_until(message.stamp_ns)? {
@@ -254,7 +254,7 @@ impl Player<'_> {
     fn set_pace(&mut self, change: impl FnOnce(&mut Self)) {
         let bag_ns = self.now_ns();
         change(self);
-        self.pace = Pace { wall: Instant::now(), bag_ns };
+        self.pace = Pacing { wall: Instant::now(), bag_ns };
     }
 
     /// Waits until a message is due, obeying controls and publishing the clock meanwhile.

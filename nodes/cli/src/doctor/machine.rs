@@ -134,12 +134,12 @@ pub fn rights(refused: &[Warning], priority: u8) -> Vec<Finding> {
 
 /// How punctual the loop is while the drives are asked.
 #[derive(Default)]
-pub struct Pace {
+pub struct LoopTiming {
     lateness: Histogram,
     missed: u64,
 }
 
-impl Pace {
+impl LoopTiming {
     pub fn record(&mut self, wake: &Wake) {
         self.lateness.record(wake.latency());
         self.missed += wake.missed;
@@ -217,7 +217,7 @@ mod tests {
     #[test]
     fn lateness_is_a_warning_and_missed_cycles_a_failure() {
         let pace = |late: Duration, missed| {
-            let mut pace = Pace::default();
+            let mut pace = LoopTiming::default();
             for n in 0..1000 {
                 let due = Duration::from_millis(n);
                 pace.record(&Wake { due, at: due + late, missed: if n == 500 { missed } else { 0 } });
