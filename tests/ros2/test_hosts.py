@@ -159,7 +159,7 @@ class Relay:
 
 def test_announcements_that_were_lost_are_known_when_they_were_sent_again(hosts, tmp_path):
     """Fast DDS asks three nodes for what it missed of them, and gets it: then it must know it, too."""
-    relay, robot = Relay(), Host(ROBOT, tmp_path)
+    relay, robot, planners = Relay(), Host(ROBOT, tmp_path), None
     graph = lambda: sorted(robot.ask(graph="/announced"))
     try:
         for relay.lossy in (False, True):
@@ -173,12 +173,13 @@ def test_announcements_that_were_lost_are_known_when_they_were_sent_again(hosts,
                 whole = graph()
                 assert len(whole) > 90, whole
             wait_until(lambda: graph() == whole, 20, lambda: f"still unknown: {[row for row in whole if row not in graph()]}")
-            planners.close()
+            planners = planners.close()
             own = lambda row: row[0].endswith(("/generate_gaitRequest", "/generate_gaitReply"))
             wait_until(lambda: all(map(own, graph())), 20, graph)
         assert relay.dropped > 5, relay.dropped
     finally:
-        robot.close()
+        for host in filter(None, (planners, robot)):
+            host.close()
         relay.close()
 
 
