@@ -98,10 +98,10 @@ def test_a_goal_is_cancelled_while_it_runs_and_while_it_waits(goals):
         wait_until(future.done, 10, "the cancellation is answered")
         assert future.result().return_code == CancelGoal.Response.ERROR_NONE
         assert [bytes(goal.goal_id.uuid) for goal in future.result().goals_canceling] == [bytes(handle.goal_id.uuid)]
-        answer = goals.result(handle)
-        assert answer.status == GoalStatus.STATUS_CANCELED
-        # A solve that had run to its end or into its time limit would say so.
-        assert handle is not running or answer.result.status == "cancelled", answer.result
+        began = time.monotonic()
+        assert goals.result(handle).status == GoalStatus.STATUS_CANCELED
+        # Given up, not run into the time limit of 20 s; a machine that is busy may take its time.
+        assert time.monotonic() - began < 10
     again = running.cancel_goal_async()
     wait_until(again.done, 10, "the second cancellation is answered")
     assert again.result().return_code == CancelGoal.Response.ERROR_GOAL_TERMINATED
