@@ -175,7 +175,8 @@ fn run() -> Result<(), Failure> {
         lock(&to).factors.push(factor.data);
     })?;
 
-    let bridge = Program::start(&folder, "tandem_sim_bridge", &BRIDGE)?;
+    // It plays the drives, which need no processor of the robot's.
+    let bridge = Program::start(&folder, "tandem_sim_bridge", &BRIDGE, -20)?;
     wait(&received, Duration::from_secs(20), "the simulation's joint states", |received| !received.joints.is_empty())?;
     let (healthy, text) = doctor(&folder)?;
     for line in text.lines() {
@@ -187,8 +188,8 @@ fn run() -> Result<(), Failure> {
 
     let day = Day {
         folder: folder.clone(),
-        planner: Program::start(&folder, "tandem_planner", &[])?,
-        controller: Program::start(&folder, "tandem_controller", &CONTROLLER)?,
+        planner: Program::start(&folder, "tandem_planner", &[], 0)?,
+        controller: Program::start(&folder, "tandem_controller", &CONTROLLER, 0)?,
         bridge,
         received,
         generate: node.client("generate_gait")?,
@@ -362,7 +363,7 @@ impl Day {
             received.state = None;
             received.changes.clear();
         }
-        self.controller = Program::start(&self.folder, "tandem_controller", &CONTROLLER)?;
+        self.controller = Program::start(&self.folder, "tandem_controller", &CONTROLLER, 0)?;
         wait(&self.received, PATIENCE, "the controller's return", |received| received.state.is_some())?;
         let first = lock(&self.received).changes.first().map(|(_, state)| state.mode.clone());
         if first.as_deref() != Some("disarmed") {

@@ -3,15 +3,31 @@
 use crate::{Failure, MS};
 use realtime::monotonic_now;
 use std::io::Read;
+use std::os::unix::process::CommandExt;
 use std::process::{Child, Command, ExitStatus, Stdio};
 use std::time::Duration;
+
+/// Before its first instruction: its threads inherit it.
+fn set_nice(command: &mut Command, nice: i32) {
+    let set = move || {
+        // SAFETY: a plain system call on the calling process itself.
+        if unsafe { libc::setpriority(libc::PRIO_PROCESS, 0, nice) } != 0 {
+            return Err(std::io::Error::last_os_error());
+        }
+        Ok(())
+    };
+    // SAFETY: between fork and exec it makes one system call and takes no lock.
+    unsafe { command.pre_exec(set) };
+}
 
 /// A program that does not outlive this one.
 pub struct Program(Child);
 
 impl Program {
-    pub fn start(folder: &str, name: &str, arguments: &[&str]) -> Result<Self, Failure> {
-        Ok(Self(Command::new(format!("{folder}/{name}")).args(arguments).spawn().map_err(|e| format!("{name}: {e}"))?))
+    pub fn start(folder: &str, name: &str, arguments: &[&str], nice: i32) -> Result<Self, Failure> {
+        let mut command = Command::new(format!("{folder}/{name}"));
+        set_nice(&mut command, nice);
+        Ok(Self(command.args(arguments).spawn().map_err(|e| format!("{name}: {e}"))?))
     }
 
     /// Runs a program that should end by itself, and says how it ended and what it said. It yields to the others: they
@@ -23,11 +39,8 @@ impl Program {
         patience: Duration,
     ) -> Result<(ExitStatus, String), Failure> {
         let mut command = Command::new(format!("{folder}/{name}"));
+        set_nice(&mut command, 19);
         let child = command.args(arguments).stdout(Stdio::null()).stderr(Stdio::piped()).spawn()?;
-        // SAFETY: a plain system call; the number is that of a child that has not been waited for.
-        if unsafe { libc::setpriority(libc::PRIO_PROCESS, child.id(), 10) } != 0 {
-            return Err(format!("setpriority: {}", std::io::Error::last_os_error()).into());
-        }
         let mut program = Self(child);
         let status = program.wait(patience)?;
         let mut said = String::new();
