@@ -292,5 +292,5 @@ def test_a_suspended_node_ends_with_an_error_when_it_goes_on(processes):
     node.process.send_signal(signal.SIGSTOP)
     time.sleep(0.5)
     node.process.send_signal(signal.SIGCONT)
-    assert node.process.wait(30) == 1
+    assert node.process.wait(5) == 1
     assert "had been stopped" in node.text()
