@@ -175,7 +175,6 @@ fn run() -> Result<(), Failure> {
         lock(&to).factors.push(factor.data);
     })?;
 
-    // It plays the drives, which need no processor of the robot's.
     let bridge = Program::start(&folder, "tandem_sim_bridge", &BRIDGE, -20)?;
     wait(&received, Duration::from_secs(20), "the simulation's joint states", |received| !received.joints.is_empty())?;
     let (healthy, text) = doctor(&folder)?;

@@ -24,6 +24,7 @@ fn set_nice(command: &mut Command, nice: i32) {
 pub struct Program(Child);
 
 impl Program {
+    /// `nice` is -20 for the simulation: it plays the drives, which need no processor of the robot's.
     pub fn start(folder: &str, name: &str, arguments: &[&str], nice: i32) -> Result<Self, Failure> {
         let mut command = Command::new(format!("{folder}/{name}"));
         set_nice(&mut command, nice);
