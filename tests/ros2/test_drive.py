@@ -40,7 +40,7 @@ class Driver:
 def robot(processes, ros, tmp_path):
     from nav_msgs.msg import Odometry
 
-    # Simulated time runs several times as fast as this client, which a busy machine holds up for a tenth of a second and more.
+    # Simulated time runs several times as fast as this client, which a busy machine holds up for a tenth of a second.
     controller = ["balance:=true", "cmd_vel_timeout_s:=2.0", f"record_root:={tmp_path}"]
     robot = Robot(processes, ros, "", parameters=["ground_truth:=true"], controller=controller)
     robot.truth = []
