@@ -53,10 +53,10 @@ impl PreparedGait {
         gait.validate()?;
         gait.check_robot(&config.robot, &config.joint_names)?;
         let refuse = |field: String, problem: String| Err(GaitError::Value { gait: gait.name.clone(), field, problem });
-        if gait.solver.status != "converged" {
+        if !gait.solver.is_solution() {
             return refuse(
                 "solver.status".into(),
-                format!("is \"{}\", expected \"converged\": plan it again", gait.solver.status),
+                format!("is \"{}\", expected \"converged\" or \"acceptable\": plan it again", gait.solver.status),
             );
         }
         for j in 0..JOINTS {

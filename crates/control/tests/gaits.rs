@@ -61,6 +61,17 @@ fn starting_on_the_gait_is_refused_unless_the_configuration_says_simulated() {
 }
 
 #[test]
+fn a_gait_whose_last_gains_stalled_is_walked_as_the_planner_said() {
+    let mut g = gait();
+    g.solver.status = "acceptable".into();
+    assert!(PreparedGait::new(&g, &config()).is_ok());
+    for status in ["interpolated", "infeasible", "cancelled", "numerical trouble: x", ""] {
+        g.solver.status = status.into();
+        assert!(PreparedGait::new(&g, &config()).is_err(), "{status:?}");
+    }
+}
+
+#[test]
 fn bad_gaits_are_refused_by_what_is_wrong() {
     type Case = (&'static str, fn(&mut gait::Gait));
     let cases: [Case; 6] = [

@@ -45,6 +45,12 @@ pub enum DynamicsError {
         /// Their number.
         size: usize,
     },
+    /// What follows from the dynamics is no number.
+    #[error("{what} is not finite: a gain, a velocity or the step's duration is far out of range")]
+    NotFinite {
+        /// What it is.
+        what: &'static str,
+    },
     /// A pairing that is not a signed permutation.
     #[error("pairing: {0}: expected each of the six joints once, signs ±1 and finite offsets")]
     BadPairing(String),

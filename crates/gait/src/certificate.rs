@@ -1,6 +1,13 @@
-//! How a gait stands by itself, as it was computed when the gait was planned.
+//! What is known of a gait's quality: how its solve ended, and how it stands by itself.
 
-use crate::{Gait, GaitError};
+use crate::{Gait, GaitError, SolverSummary};
+
+impl SolverSummary {
+    /// Whether the solver came to a gait that keeps its constraints. Interpolated ones are not solved.
+    pub fn is_solution(&self) -> bool {
+        matches!(self.status.as_str(), "converged" | "acceptable")
+    }
+}
 
 /// The certificate of a gait: what its step's linearised map says of small disturbances, and whether the touchdown by
 /// the clock that the map takes for granted can be had.

@@ -72,7 +72,7 @@ impl Stability {
 ///
 /// # Errors
 ///
-/// If the dynamics are singular at a point of the plan.
+/// If the dynamics are singular at a point of the plan, or the map is not finite.
 pub fn stability(
     robot: &Robot,
     gait: &Gait,
@@ -97,6 +97,11 @@ pub(crate) fn stability_in_parts(
         let second_step = step_map(robot, gait, second_points, parts)?;
         on_manifold(robot, points) * second_step * on_manifold(robot, second_points) * first_step
     };
+
+    // The iteration for eigenvalues would not end.
+    if !map.iter().all(|entry| entry.is_finite()) {
+        return Err(DynamicsError::NotFinite { what: "the linearised step" });
+    }
 
     // x, y and yaw span an invariant subspace; the rest is the quotient by it. Turning the robot turns its velocity.
     let gravity = robot.model.gravity;

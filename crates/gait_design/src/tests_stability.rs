@@ -161,3 +161,23 @@ fn open_durations_and_widths_are_chosen_for_the_smallest_multiplier_and_all_else
         assert!(matches!(cancelled, Err(PlanError::NotConverged { status: Status::Cancelled, .. })));
     }
 }
+
+#[test]
+fn a_step_that_is_not_finite_is_an_error_and_not_a_search_for_eigenvalues_without_end() {
+    let robot = vision60();
+    let request = GaitRequest::named("amble", &robot).unwrap();
+    let mut plan = plan(&robot, &request, &PlanOptions::default(), go_on).unwrap();
+    plan.gait.kp = [1e300; 12];
+    let error = stability(&robot, &plan.gait, &plan.points, &plan.second_points).unwrap_err();
+    assert!(matches!(error, decomposition::DynamicsError::NotFinite { .. }), "{error}");
+}
+
+#[test]
+fn what_the_solver_calls_a_solution_the_controller_walks() {
+    for status in [Status::Converged, Status::Acceptable, Status::IterationLimit, Status::Cancelled] {
+        let (said, is_solution) = (status.to_string(), status.is_solution());
+        let summary =
+            gait::SolverSummary { status: said, iterations: 1, solve_time_s: 0.0, max_violation: 0.0, objective: 0.0 };
+        assert_eq!(summary.is_solution(), is_solution, "{status}");
+    }
+}

@@ -78,7 +78,7 @@ pub struct Arguments {
     #[arg(long, value_name = "N", default_value_t = 11)]
     points: usize,
     /// Choose the step duration and the half-width, each where no option gives it, for the smallest multiplier of the
-    /// step-to-step map: tens of milliseconds
+    /// step-to-step map: about a tenth of a second
     #[arg(long, conflicts_with = "table")]
     stable: bool,
     /// What the tracking law follows
