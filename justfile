@@ -20,6 +20,10 @@ test *ARGUMENTS:
 bench *ARGUMENTS:
     launch-scripts/bench {{ARGUMENTS}}
 
+# the documents as a site with search, in target/book
+docs:
+    launch-scripts/docs
+
 # format and lints
 lint:
     cargo fmt --all

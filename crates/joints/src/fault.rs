@@ -103,6 +103,11 @@ impl Fault {
         Self::ALL.into_iter().find(|f| f.name() == name)
     }
 
+    /// Where its meaning, cause and cure stand.
+    pub fn page(self) -> String {
+        format!("docs/faults.md#{}", self.name())
+    }
+
     /// What it does to a moving robot.
     pub fn severity(self) -> Severity {
         match self {
@@ -203,10 +208,11 @@ impl FaultReport {
             Fault::InternalError => ("", "please report this with the run's bag"),
         };
         format!(
-            "fault {}{place}: saw {:.4} {unit}, allowed {:.4}; {action}, then clear it by its name",
+            "fault {}{place}: saw {:.4} {unit}, allowed {:.4}; {action}, then clear it by its name ({})",
             self.fault.name(),
             self.value,
-            self.limit
+            self.limit,
+            self.fault.page()
         )
     }
 }
@@ -228,5 +234,27 @@ mod tests {
         }
         assert!(set.is_empty());
         assert_eq!(Fault::from_name("clock"), None);
+    }
+
+    #[test]
+    fn every_fault_has_its_section_in_the_documents_and_its_message_names_it() {
+        let page = include_str!("../../../docs/faults.md");
+        let sections: Vec<&str> = page.split("\n## ").skip(1).collect();
+        let found: Vec<&str> = sections.iter().filter_map(|text| text.lines().next()).collect();
+        let mut names = Fault::ALL.map(Fault::name);
+        names.sort_unstable();
+        let mut sorted = found.clone();
+        sorted.sort_unstable();
+        assert_eq!(sorted, names, "a section for each fault, and for nothing else");
+        for (name, text) in found.iter().zip(&sections) {
+            for part in ["**Meaning.**", "**Cause.**", "**Cure.**"] {
+                assert!(text.contains(part), "{name} lacks its {part}");
+            }
+        }
+        let joint_names = core::array::from_fn(|j| format!("joint_{j}"));
+        for fault in Fault::ALL {
+            let report = FaultReport { fault, joint: None, value: 1.0, limit: 0.8 };
+            assert!(report.message(&joint_names).ends_with(&format!("(docs/faults.md#{})", fault.name())));
+        }
     }
 }
