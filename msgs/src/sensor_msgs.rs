@@ -26,6 +26,41 @@ messages! { "sensor_msgs";
         /// Nm.
         effort: Vec<f64>,
     }
+    /// A battery. What is not measured is NaN, or 0 (unknown).
+    BatteryState {
+        /// When it was measured.
+        header: Header,
+        /// V.
+        voltage: f32,
+        /// Degrees Celsius.
+        temperature: f32,
+        /// A; negative when discharging.
+        current: f32,
+        /// A h.
+        charge: f32,
+        /// A h, of the last full charge.
+        capacity: f32,
+        /// A h, as built.
+        design_capacity: f32,
+        /// 0 to 1.
+        percentage: f32,
+        /// 0: unknown.
+        power_supply_status: u8,
+        /// 0: unknown.
+        power_supply_health: u8,
+        /// 0: unknown.
+        power_supply_technology: u8,
+        /// Whether there is one.
+        present: bool,
+        /// V.
+        cell_voltage: Vec<f32>,
+        /// Degrees Celsius.
+        cell_temperature: Vec<f32>,
+        /// Where it sits.
+        location: String,
+        /// As the maker counts.
+        serial_number: String,
+    }
     /// An inertial measurement.
     Imu {
         /// When it was measured, and the frame of the sensor.

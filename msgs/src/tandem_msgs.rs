@@ -24,6 +24,27 @@ messages! { "tandem_msgs";
         /// Feed-forward torque, Nm.
         torque: Vec<f64>,
     }
+    /// What the drives of a robot say of themselves, beside position, velocity and torque. NaN: no frame carries it.
+    JointDiagnostics {
+        /// stamp: that of the joint state answered.
+        header: Header,
+        /// Joint names.
+        name: Vec<String>,
+        /// Degrees Celsius.
+        temperature_c: Vec<f64>,
+        /// Voltage that the drive is fed with, V.
+        supply_v: Vec<f64>,
+        /// Current that makes the motor's torque (q axis), A, motor side.
+        current_a: Vec<f64>,
+        /// Error code of the drive, 0: none.
+        drive_error: Vec<u8>,
+        /// Frames sent to the drive since the start.
+        requests: Vec<u64>,
+        /// Of these, how many it has not answered.
+        lost: Vec<u64>,
+        /// Since its last answer, s; NaN: never.
+        age_s: Vec<f64>,
+    }
     /// One cycle of the controller: all that its step saw besides the joint state itself and the gait, so that the recorded run
     /// can be run again to the bit. Written to bags; not sent over the network.
     ControlCycle {
@@ -167,9 +188,9 @@ messages! { "tandem_msgs";
         step_phase: f64,
         /// Control cycles since the start.
         cycles: u64,
-        /// Cycles that began too late.
+        /// Control periods in which no cycle began because the one before took too long.
         missed_cycles: u64,
-        /// Cycles whose measured state was too old.
+        /// Cycles that saw no joint state newer than the cycle before did.
         stale_inputs: u64,
         /// 12 entries, rad: reference minus measured.
         tracking_error_rad: Vec<f64>,

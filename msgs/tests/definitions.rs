@@ -3,8 +3,8 @@
 use std::path::Path;
 
 use tandem_msgs::{
-    Action, ClearFault, ControlCycle, ControllerState, Gait, GenerateGait, GenerateGaitAction, JointCommand, LoadGait,
-    Message, Service, SolverReport, StartRecording, StopRecording, definition,
+    Action, ClearFault, ControlCycle, ControllerState, Gait, GenerateGait, GenerateGaitAction, JointCommand,
+    JointDiagnostics, LoadGait, Message, Service, SolverReport, StartRecording, StopRecording, definition,
 };
 
 /// The fields of a definition file's sections (one for a message, two for a service, three for an action).
@@ -16,7 +16,8 @@ fn sections(path: &str) -> Vec<Vec<(String, String)>> {
             section
                 .lines()
                 .map(|line| line.split('#').next().unwrap_or_default().trim())
-                .filter(|line| !line.is_empty())
+                // A constant, NAME=VALUE, is no field; a bound, type[<=N], stands before the name.
+                .filter(|line| !line.is_empty() && !line.split_once(' ').is_some_and(|(_, name)| name.contains('=')))
                 .map(|line| {
                     let (type_name, name) =
                         line.split_once(' ').unwrap_or_else(|| panic!("{line}: expected 'type name'"));
@@ -54,6 +55,7 @@ fn messages_match_their_files() {
     assert_message::<ControllerState>();
     assert_message::<Gait>();
     assert_message::<JointCommand>();
+    assert_message::<JointDiagnostics>();
     assert_message::<SolverReport>();
 }
 
@@ -97,6 +99,7 @@ fn every_file_has_a_rust_type_and_is_built() {
             "msg/ControllerState.msg",
             "msg/Gait.msg",
             "msg/JointCommand.msg",
+            "msg/JointDiagnostics.msg",
             "msg/SolverReport.msg",
             "srv/ClearFault.srv",
             "srv/GenerateGait.srv",

@@ -153,6 +153,9 @@ LINES = """
 -e
 --disable-rosout-logs
 --enable-stdout-logs
+--disable-external-lib-logs
+--log-file-name left
+--log-file-name
 --unknown-flag
 -x
 --

@@ -42,6 +42,10 @@ pub struct DriveReply {
     pub temperature_c: Option<f64>,
     /// The drive's error code, 0 for none, where it sends one.
     pub error: Option<u8>,
+    /// V, the voltage that it is fed with, where it sends it.
+    pub supply_v: Option<f64>,
+    /// A, the current that makes its torque (q axis), where it sends it.
+    pub current_a: Option<f64>,
 }
 
 /// Anything that a drive can be asked.

@@ -55,6 +55,10 @@ pub struct BusHealth {
     pub links: [LinkHealth; JOINTS],
     /// How many links there are.
     pub count: usize,
+    /// Frames sent to each drive.
+    pub requests: [u64; JOINTS],
+    /// Its replies.
+    pub replies: [u64; JOINTS],
 }
 
 /// Twelve joints to read from and to write to. Nothing here ever blocks or allocates.
@@ -108,6 +112,9 @@ pub struct DriveBus<P, L> {
     /// When someone wanted to arm, before the drives were ever on.
     asked_to_arm: Option<Duration>,
     writes: u64,
+    /// Frames sent to each drive, and its replies.
+    requests: [u64; JOINTS],
+    replies: [u64; JOINTS],
 }
 
 impl<P: Protocol, L: Link> DriveBus<P, L> {
@@ -149,6 +156,8 @@ impl<P: Protocol, L: Link> DriveBus<P, L> {
             was_on: false,
             asked_to_arm: None,
             writes: 0,
+            requests: [0; JOINTS],
+            replies: [0; JOINTS],
         }
     }
 
@@ -187,6 +196,13 @@ impl<P: Protocol, L: Link> DriveBus<P, L> {
         if let Some(temperature) = reply.temperature_c {
             readings.temperature_c.get_or_insert([temperature; JOINTS])[j] = temperature;
         }
+        // A drive that has not said it yet is none, and no other one's.
+        for (told, all) in [(reply.supply_v, &mut readings.supply_v), (reply.current_a, &mut readings.current_a)] {
+            if let Some(value) = told {
+                all.get_or_insert([f64::NAN; JOINTS])[j] = value;
+            }
+        }
+        self.replies[j] += 1;
         readings.drive_error[j] = reply.error.unwrap_or(0);
         self.errors[j] = readings.drive_error[j];
         readings.arrived[j] = Some(at);
@@ -342,6 +358,7 @@ impl<P: Protocol, L: Link> JointBus for DriveBus<P, L> {
                 Ok(()) => {
                     state.health.sent += 1;
                     state.balance.requested += 1;
+                    self.requests[j] += 1;
                     match request {
                         DriveRequest::Enter => self.entered[j] = true,
                         DriveRequest::Exit => self.entered[j] = false,
@@ -384,7 +401,8 @@ impl<P: Protocol, L: Link> JointBus for DriveBus<P, L> {
     }
 
     fn health(&self) -> BusHealth {
-        let mut health = BusHealth { count: self.links.len(), ..BusHealth::default() };
+        let (requests, replies) = (self.requests, self.replies);
+        let mut health = BusHealth { count: self.links.len(), requests, replies, ..BusHealth::default() };
         for (to, state) in health.links.iter_mut().zip(&self.links) {
             *to = state.health;
         }

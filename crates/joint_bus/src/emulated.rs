@@ -25,6 +25,10 @@ pub struct DriveModel {
     pub cooling_s: f64,
     /// Above this it gives no torque, °C.
     pub shutdown_c: f64,
+    /// What it is fed with, V.
+    pub supply_v: f64,
+    /// Torque of a current, N m / A.
+    pub torque_per_ampere_nm: f64,
 }
 
 impl Default for DriveModel {
@@ -39,6 +43,8 @@ impl Default for DriveModel {
             heating_c_per_s_nm2: 2e-4,
             cooling_s: 300.0,
             shutdown_c: 100.0,
+            supply_v: 48.0,
+            torque_per_ampere_nm: 2.0,
         }
     }
 }
@@ -143,6 +149,8 @@ impl EmulatedDrive {
             torque_nm: self.torque_nm,
             temperature_c: Some(self.temperature_c),
             error: Some(self.error()),
+            supply_v: Some(self.model.supply_v),
+            current_a: Some(self.torque_nm / self.model.torque_per_ampere_nm),
         };
         Some(protocol.encode_reply(self.id, &self.ranges, &reply))
     }

@@ -101,6 +101,8 @@ impl Protocol for Mit {
             torque_nm: restore(torque, -r.torque_nm, r.torque_nm, 12),
             temperature_c: d.get(6).map(|t| f64::from(*t as i8)),
             error: d.get(7).copied(),
+            supply_v: None,
+            current_a: None,
         })
     }
 
@@ -238,6 +240,7 @@ mod tests {
         ) {
             let sent = DriveReply {
                 position_rad: p, velocity_rad_s: v, torque_nm: t, temperature_c: Some(c.into()), error: Some(e),
+                ..DriveReply::default()
             };
             let frame = MIT.encode_reply(9, &RANGES, &sent);
             prop_assert_eq!(MIT.reply_id(&frame), Some(9));

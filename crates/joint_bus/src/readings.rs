@@ -18,6 +18,10 @@ pub struct Readings {
     pub torque_told: bool,
     /// °C, where the drives report it.
     pub temperature_c: Option<[f64; JOINTS]>,
+    /// V that each drive is fed with, where they report it.
+    pub supply_v: Option<[f64; JOINTS]>,
+    /// A, motor side, where the drives report it.
+    pub current_a: Option<[f64; JOINTS]>,
     /// Error codes of the drives, 0 for none.
     pub drive_error: [u8; JOINTS],
     /// When each joint was received last, on the clock of `now`; `None`: never.
@@ -33,6 +37,8 @@ impl Default for Readings {
             torque_nm: [0.0; JOINTS],
             torque_told: false,
             temperature_c: None,
+            supply_v: None,
+            current_a: None,
             drive_error: [0; JOINTS],
             arrived: [None; JOINTS],
         }

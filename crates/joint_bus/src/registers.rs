@@ -1,8 +1,8 @@
 //! Register frames over CAN FD, as moteus controllers speak them (their reference manual, "CAN protocol").
 //!
 //! A frame is a list of subframes, each a write, a read or a reply of consecutive registers of one type. A command writes mode,
-//! position, velocity, torque and the scales of the drive's own gains, and reads back position, velocity, torque, temperature
-//! and fault. Positions are in revolutions. The identifier holds the sender in its upper and the receiver in its lower byte; its
+//! position, velocity, torque and the scales of the drive's own gains, and reads back position, velocity, torque, current,
+//! supply voltage, temperature and fault. Positions are in revolutions. The identifier holds the sender in its upper and the receiver in its lower byte; its
 //! bit 15 asks for a reply.
 
 use crate::{DriveCommand, DriveReply, DriveRequest, EncodeError, Frame, Protocol, Ranges};
@@ -20,6 +20,9 @@ mod register {
     pub const POSITION: u32 = 0x001;
     pub const VELOCITY: u32 = 0x002;
     pub const TORQUE: u32 = 0x003;
+    pub const Q_CURRENT: u32 = 0x004;
+    /// As a byte in steps of 0.5 V.
+    pub const VOLTAGE: u32 = 0x00d;
     pub const TEMPERATURE: u32 = 0x00e;
     pub const FAULT: u32 = 0x00f;
     pub const COMMAND_POSITION: u32 = 0x020;
@@ -50,8 +53,10 @@ mod subframe {
 }
 
 const ASK_FOR_REPLY: u32 = 0x8000;
-/// Read three floats from POSITION; read two bytes from TEMPERATURE.
-const QUERY: [u8; 4] = [subframe::READ | subframe::FLOAT | 3, 0x01, subframe::READ | subframe::INT8 | 2, 0x0e];
+/// Read four floats from POSITION; read three bytes from VOLTAGE.
+const QUERY: [u8; 5] = [subframe::READ | subframe::FLOAT, 4, 0x01, subframe::READ | subframe::INT8 | 3, 0x0d];
+/// Volts of a byte's step.
+const VOLTS_PER_STEP: f64 = 0.5;
 
 /// Bytes of a frame under construction; 64 are enough for every frame made here.
 struct Writer {
@@ -172,7 +177,7 @@ impl Protocol for Registers {
                     .float(c.torque_nm.clamp(-r.torque_nm, r.torque_nm))
                     .float((c.kp / r.kp).clamp(0.0, 1.0))
                     .float((c.kd / r.kd).clamp(0.0, 1.0));
-                // With both limits 40 of a frame's 64 bytes: it goes out as one of 48.
+                // With both limits 41 of a frame's 64 bytes: it goes out as one of 48.
                 if let Some(max_torque_nm) = c.limits.max_torque_nm {
                     w.float(max_torque_nm);
                 }
@@ -192,16 +197,21 @@ impl Protocol for Registers {
     }
 
     fn decode_reply(&self, _: &Ranges, frame: &Frame) -> Option<DriveReply> {
-        let mut found = [None; 5];
+        let mut found = [None; 7];
         let whole = registers(frame.data(), subframe::REPLY, |register, value| match register {
             register::POSITION => found[0] = Some(value * TAU),
             register::VELOCITY => found[1] = Some(value * TAU),
             register::TORQUE => found[2] = Some(value),
             register::TEMPERATURE => found[3] = Some(value),
             register::FAULT => found[4] = Some(value),
+            // A drive that answers is fed: nothing, and the sign of an overflow, are no voltage.
+            register::VOLTAGE => found[5] = (value > 0.0).then_some(value * VOLTS_PER_STEP),
+            register::Q_CURRENT => found[6] = Some(value),
             _ => {}
         });
-        let [Some(position_rad), Some(velocity_rad_s), Some(torque_nm), temperature_c, error] = found else {
+        let [Some(position_rad), Some(velocity_rad_s), Some(torque_nm), temperature_c, error, supply_v, current_a] =
+            found
+        else {
             return None;
         };
         whole.then_some(DriveReply {
@@ -210,6 +220,8 @@ impl Protocol for Registers {
             torque_nm,
             temperature_c,
             error: error.map(|e| e as i8 as u8),
+            supply_v,
+            current_a,
         })
     }
 
@@ -245,11 +257,14 @@ impl Protocol for Registers {
 
     fn encode_reply(&self, id: u8, _: &Ranges, reply: &DriveReply) -> Frame {
         let mut w = Writer::new();
-        w.bytes(&[subframe::REPLY | subframe::FLOAT | 3, register::POSITION as u8])
+        let byte = |value: f64| value.round().clamp(-128.0, 127.0) as i8 as u8;
+        w.bytes(&[subframe::REPLY | subframe::FLOAT, 4, register::POSITION as u8])
             .float(reply.position_rad / TAU)
             .float(reply.velocity_rad_s / TAU)
             .float(reply.torque_nm)
-            .bytes(&[subframe::REPLY | subframe::INT8 | 2, register::TEMPERATURE as u8])
+            .float(reply.current_a.unwrap_or(f64::NAN))
+            .bytes(&[subframe::REPLY | subframe::INT8 | 3, register::VOLTAGE as u8])
+            .bytes(&[byte(reply.supply_v.unwrap_or(0.0) / VOLTS_PER_STEP)])
             .bytes(&[reply.temperature_c.unwrap_or(0.0).clamp(-128.0, 127.0) as i8 as u8, reply.error.unwrap_or(0)]);
         w.frame(u32::from(id) << 8 | u32::from(self.host_id))
     }
@@ -269,14 +284,14 @@ mod tests {
     fn known_bytes() {
         let frame = P.encode_request(1, &RANGES, &DriveRequest::Exit).unwrap();
         assert_eq!(frame.id, 0x8001);
-        assert_eq!(frame.data(), [0x01, 0x00, 0x00, 0x1f, 0x01, 0x12, 0x0e, 0x50][..7].to_vec());
+        assert_eq!(frame.data(), [0x01, 0x00, 0x00, 0x1c, 0x04, 0x01, 0x13, 0x0d]);
         let quarter = DriveCommand { position_rad: TAU / 4.0, kp: 250.0, kd: 10.0, ..DriveCommand::default() };
         let frame = P.encode_request(1, &RANGES, &DriveRequest::Command(quarter)).unwrap();
         assert_eq!(frame.data().len(), 32);
         assert_eq!(frame.data()[..6], [0x01, 0x00, 0x0a, 0x0c, 0x05, 0x20]);
         assert_eq!(frame.data()[6..10], 0.25_f32.to_le_bytes());
         assert_eq!(frame.data()[18..22], 0.5_f32.to_le_bytes());
-        assert_eq!(frame.data()[30..], [0x50, 0x50]);
+        assert_eq!(frame.data()[31..], [0x50]);
     }
 
     #[test]
@@ -314,12 +329,14 @@ mod tests {
             }
             let reply = DriveReply {
                 position_rad: p, velocity_rad_s: v, torque_nm: t, temperature_c: Some(35.0), error: Some(33),
+                supply_v: Some(47.5), current_a: Some(-2.5),
             };
             let frame = P.encode_reply(7, &RANGES, &reply);
             prop_assert_eq!(P.reply_id(&frame), Some(7));
             let got = P.decode_reply(&RANGES, &frame).unwrap();
             prop_assert!((got.position_rad - p).abs() < 1e-5 && (got.velocity_rad_s - v).abs() < 1e-5);
             prop_assert_eq!((got.temperature_c, got.error), (Some(35.0), Some(33)));
+            prop_assert_eq!((got.supply_v, got.current_a), (Some(47.5), Some(-2.5)));
         }
 
         #[test]

@@ -69,15 +69,16 @@ fn of_theirs(theirs: &CanFdFrame) -> Frame {
     Frame::new_fd(theirs.arbitration_id, theirs.payload(), PAD).unwrap()
 }
 
-/// A drive's answer in their writer's words: three floats from position on, two bytes from temperature on.
-fn their_reply(position: f32, velocity: f32, torque: f32, temperature: i8, fault: i8) -> CanFdFrame {
+/// A drive's answer in their writer's words: four floats from position on, three bytes from the voltage on.
+fn their_reply([position, velocity, torque, current]: [f32; 4], [voltage, temperature, fault]: [i8; 3]) -> CanFdFrame {
     let mut frame = CanFdFrame::new();
     let mut writer = moteus_protocol::WriteCanData::new(&mut frame);
-    writer.write_bytes(&[0x2f, 0x01]);
-    for value in [position, velocity, torque] {
+    writer.write_bytes(&[0x2c, 0x04, 0x01]);
+    for value in [position, velocity, torque, current] {
         writer.write_f32(value);
     }
-    writer.write_bytes(&[0x22, 0x0e]);
+    writer.write_bytes(&[0x23, 0x0d]);
+    writer.write_i8(voltage);
     writer.write_i8(temperature);
     writer.write_i8(fault);
     frame
@@ -102,7 +103,8 @@ proptest! {
         prop_assert_eq!(got, expected(&c));
         prop_assert_eq!(written.len(), 1 + got.iter().flatten().count(), "nothing else is written");
         let (float, byte) = (Resolution::Float, Resolution::Int8);
-        prop_assert_eq!(asked, vec![(1, float), (2, float), (3, float), (0x0e, byte), (0x0f, byte)]);
+        let floats = [1, 2, 3, 4].map(|register| (register, float));
+        prop_assert_eq!(asked, [&floats[..], &[0x0d, 0x0e, 0x0f].map(|register| (register, byte))].concat());
 
         // The same command by their writer: our drive follows it as ours.
         let [position, velocity, torque, kp, kd, max_torque, watchdog] = expected(&c);
@@ -122,6 +124,7 @@ proptest! {
     #[test]
     fn they_read_our_replies_and_we_read_theirs(
         p in -2.0..2.0_f32, v in -8.0..8.0_f32, t in -100.0..100.0_f32, c in -40_i8..120, e in 0_i8..100, id in 1_u8..128,
+        volts in 1_i8..=127, amperes in -60.0..60.0_f32,
     ) {
         let protocol = Registers { host_id: 0 };
         let reply = DriveReply {
@@ -130,14 +133,17 @@ proptest! {
             torque_nm: f64::from(t),
             temperature_c: Some(c.into()),
             error: Some(e as u8),
+            supply_v: Some(0.5 * f64::from(volts)),
+            current_a: Some(amperes.into()),
         };
         let frame = protocol.encode_reply(id, &RANGES, &reply);
         prop_assert_eq!(frame.id, calculate_arbitration_id(id as i8, 0, 0, false));
         let got = QueryResult::parse_data(frame.data());
         prop_assert_eq!((got.torque, got.fault, got.temperature), (t, e, f32::from(c)));
+        prop_assert_eq!((got.q_current, got.voltage), (amperes, 0.5 * f32::from(volts)));
         prop_assert!(near(got.position.into(), p.into()) && near(got.velocity.into(), v.into()), "{:?}", got);
 
-        let mut theirs = their_reply(p, v, t, c, e);
+        let mut theirs = their_reply([p, v, t, amperes], [volts, c, e]);
         theirs.arbitration_id = calculate_arbitration_id(id as i8, 0, 0, false);
         let theirs = of_theirs(&theirs);
         prop_assert_eq!(protocol.reply_id(&theirs), Some(id));

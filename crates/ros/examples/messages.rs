@@ -9,9 +9,9 @@ use std::io::{BufRead, Read, Write};
 use byteorder::LittleEndian;
 use tandem_msgs::{
     Action, ClearFault, ControlCycle, ControllerState, Field, Gait, GenerateGait, GenerateGaitAction, JointCommand,
-    LoadGait, Message, Service, SolverReport, StartRecording, StopRecording, action_msgs, builtin_interfaces,
-    diagnostic_msgs, geometry_msgs, lifecycle_msgs, nav_msgs, rcl_interfaces, rosgraph_msgs, sensor_msgs, std_msgs,
-    std_srvs, unique_identifier_msgs, visualization_msgs,
+    JointDiagnostics, LoadGait, Message, Service, SolverReport, StartRecording, StopRecording, action_msgs,
+    builtin_interfaces, diagnostic_msgs, geometry_msgs, lifecycle_msgs, nav_msgs, rcl_interfaces, rosgraph_msgs,
+    sensor_msgs, std_msgs, std_srvs, unique_identifier_msgs, visualization_msgs,
 };
 
 /// Decodes and encodes again.
@@ -77,6 +77,7 @@ fn types() -> Vec<(String, Vec<Field>, Again)> {
         geometry_msgs::TransformStamped,
         sensor_msgs::JointState,
         sensor_msgs::Imu,
+        sensor_msgs::BatteryState,
         sensor_msgs::CompressedImage,
         nav_msgs::Odometry,
         rosgraph_msgs::Clock,
@@ -106,6 +107,7 @@ fn types() -> Vec<(String, Vec<Field>, Again)> {
         action_msgs::GoalStatus,
         action_msgs::GoalStatusArray,
         JointCommand,
+        JointDiagnostics,
         SolverReport,
         Gait,
         ControllerState,

@@ -3,6 +3,7 @@
 use std::path::{Path, PathBuf};
 
 use crate::RosError;
+use crate::log_file::LogFileChoice;
 use crate::names::{Remap, RemapKind, check_node_name, expand, full_namespace};
 use crate::parameters::{ParameterValue, overrides_from_yaml};
 use crate::security::Security;
@@ -33,6 +34,7 @@ pub struct Arguments {
     pub(crate) log_level: Option<String>,
     pub(crate) logger_levels: Vec<(String, String)>,
     pub(crate) rosout: bool,
+    pub(crate) log_file: LogFileChoice,
     pub(crate) domain_id: u16,
     pub(crate) range: DiscoveryRange,
     pub(crate) security: Security,
@@ -49,6 +51,7 @@ impl Default for Arguments {
             log_level: None,
             logger_levels: Vec::new(),
             rosout: true,
+            log_file: LogFileChoice::default(),
             domain_id: 0,
             range: DiscoveryRange::Localhost,
             security: Security::Off,
@@ -141,19 +144,18 @@ impl Arguments {
                         None => parsed.log_level = Some(log_level(&text, &text)?),
                     }
                 }
-                "-e" | "--enclave" => {
-                    // It names what security would use and does not ask for it: every ROS 2 launch file may give it.
-                    enclave = Some(value()?);
-                }
-                "--enable-rosout-logs" => parsed.rosout = true,
-                "--disable-rosout-logs" => parsed.rosout = false,
+                // It names what security would use and does not ask for it: every ROS 2 launch file may give it.
+                "-e" | "--enclave" => enclave = Some(value()?),
+                "--enable-rosout-logs" | "--disable-rosout-logs" => parsed.rosout = argument.starts_with("--enable"),
                 "--enable-stdout-logs" | "--disable-stdout-logs" => {}
-                "--enable-external-lib-logs" | "--disable-external-lib-logs" => {}
+                "--enable-external-lib-logs" => parsed.log_file.wanted = true,
+                "--disable-external-lib-logs" => parsed.log_file.wanted = false,
+                "--log-file-name" => parsed.log_file.rename(value()?)?,
                 other => {
                     return Err(RosError::Argument {
                         argument: other.to_string(),
                         reason: "not known after --ros-args (known: -r, -p, --params-file, --log-level, -e, \
-                                 --enable-/--disable-rosout-logs)"
+                                 --log-file-name, --enable-/--disable-rosout-logs and -external-lib-logs)"
                             .to_string(),
                     });
                 }

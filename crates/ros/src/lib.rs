@@ -50,6 +50,8 @@ mod arguments;
 mod client;
 mod error;
 mod lifecycle;
+mod log_file;
+mod log_text;
 mod logging;
 mod matches;
 mod names;

@@ -1,4 +1,4 @@
-//! Log lines go to standard error and, like those of every ROS 2 node, to `/rosout`.
+//! Log lines go to standard error and, like those of every ROS 2 node, to a file and to `/rosout`.
 
 use std::fmt::Write as _;
 use std::sync::OnceLock;
@@ -8,8 +8,6 @@ use std::time::Instant;
 
 use tandem_msgs::builtin_interfaces::Time;
 use tandem_msgs::rcl_interfaces::Log;
-use tandem_msgs::text::printable;
-use tracing::field::{Field, Visit};
 use tracing::{Event, Level, Metadata, Subscriber};
 use tracing_subscriber::Layer;
 use tracing_subscriber::filter::Targets;
@@ -17,10 +15,9 @@ use tracing_subscriber::fmt::format::debug_fn;
 use tracing_subscriber::layer::{Context, SubscriberExt};
 use tracing_subscriber::util::SubscriberInitExt;
 
-use crate::Arguments;
+use crate::log_text::{Text, write_field};
+use crate::{Arguments, log_file};
 
-/// Longest line, in characters.
-const LINE_CHARS: usize = 4000;
 /// Lines that wait for the publisher. When it is full further lines reach standard error only: logging never waits.
 const WAITING_LINES: usize = 1024;
 
@@ -31,8 +28,8 @@ const MIDDLEWARE_LINES: u64 = 10;
 static ROSOUT: OnceLock<SyncSender<Log>> = OnceLock::new();
 
 /// Installs the process's log subscriber, once; a program that has its own keeps it. The first node of a process gets
-/// the lines for `/rosout`.
-pub(crate) fn start(arguments: &Arguments, node: &str) -> Option<Receiver<Log>> {
+/// the lines for `/rosout`. `logger` is the node's name in the file.
+pub(crate) fn start(arguments: &Arguments, node: &str, logger: &str) -> Option<Receiver<Log>> {
     // The middleware's own warnings are about other participants' endpoints more often than about ours, and two of its
     // modules call errors what is none: other types on a topic, which a subscription says itself, and leaving a group
     // that the loopback never joined.
@@ -49,8 +46,22 @@ pub(crate) fn start(arguments: &Arguments, node: &str) -> Option<Receiver<Log>> 
     let (sender, receiver) = sync_channel(WAITING_LINES);
     let first = arguments.rosout && ROSOUT.set(sender).is_ok();
     let lines = screen_layer(std::io::stderr, std::io::IsTerminal::is_terminal(&std::io::stderr()));
+    let file = (first && arguments.log_file.wanted).then(|| log_file::start(&arguments.log_file, logger));
+    let (file, said) = match file {
+        Some(Ok(file)) => (Some(file), None),
+        Some(Err(reason)) => (None, Some(reason)),
+        None => (None, None),
+    };
+    let place = file.as_ref().map(|file| file.path().display().to_string());
     // Fails where the program has installed its own subscriber, which is its right.
-    let _ = tracing_subscriber::registry().with(FewLines::new()).with(filter).with(lines).with(RosoutLayer).try_init();
+    let layers = tracing_subscriber::registry().with(FewLines::new()).with(filter).with(lines).with(RosoutLayer);
+    let _ = layers.with(file).try_init();
+    if let Some(place) = place {
+        tracing::debug!("the log's copy is {place}");
+    }
+    if let Some(reason) = said {
+        tracing::warn!("the log has no copy in a file: {reason}; --disable-external-lib-logs asks for none");
+    }
     first.then_some(receiver)
 }
 
@@ -65,14 +76,6 @@ where
         .with_ansi(colours)
         .with_target(false)
         .log_internal_errors(false)
-}
-
-/// One event is one line, whatever texts of others are in it: a message with a newline would fake a second line, one
-/// with a terminal sequence would rewrite the first.
-fn write_field(writer: &mut impl std::fmt::Write, name: &str, value: &dyn std::fmt::Debug) -> std::fmt::Result {
-    let text = format!("{value:?}");
-    let text = printable(&text, LINE_CHARS);
-    if name == "message" { write!(writer, "{text}") } else { write!(writer, " {name}={text}") }
 }
 
 /// Lets so many of the middleware's lines pass in each second, and all others. The innermost layer: it is asked for
@@ -136,23 +139,6 @@ impl<S: Subscriber> Layer<S> for RosoutLayer {
     }
 }
 
-#[derive(Default)]
-struct Text {
-    message: String,
-    fields: String,
-}
-
-impl Visit for Text {
-    fn record_debug(&mut self, field: &Field, value: &dyn std::fmt::Debug) {
-        // Writing to a String cannot fail.
-        let _ = write_field(
-            if field.name() == "message" { &mut self.message } else { &mut self.fields },
-            field.name(),
-            value,
-        );
-    }
-}
-
 /// The stamp of a line that has none.
 pub(crate) fn named(mut line: Log, name: &str) -> Log {
     line.name = name.to_string();
@@ -165,6 +151,7 @@ pub(crate) fn named(mut line: Log, name: &str) -> Log {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::log_text::LINE_CHARS;
     use std::io::Write;
     use std::sync::{Arc, Mutex};
 

@@ -34,7 +34,8 @@ const ZENOH: &str = "this node speaks DDS, not Zenoh";
 
 /// Starts the log, and says in it what a person asks for first.
 pub(crate) fn start(arguments: &Arguments, namespace: &str, name: &str) -> Option<Receiver<Log>> {
-    let lines = logging::start(arguments, name);
+    let logger = [namespace.trim_matches('/').split('/').collect::<Vec<_>>().join("."), name.to_string()];
+    let lines = logging::start(arguments, name, logger.join(".").trim_start_matches('.'));
     let reach = match arguments.range {
         DiscoveryRange::Subnet => "every network interface",
         DiscoveryRange::Localhost => "this machine only",

@@ -19,6 +19,7 @@ pub mod config;
 pub mod cycle;
 pub mod dds_bus;
 pub mod drive;
+pub mod drive_reports;
 pub mod emergency_stop;
 pub mod inputs;
 pub mod odometry;

@@ -159,6 +159,7 @@ pub fn controller_state(output: &Output, gait: Option<&str>, missed_cycles: u64)
 #[cfg(test)]
 mod tests {
     use super::*;
+    use control::{DampingReason, Fault, Mode};
     use tandem_msgs::geometry_msgs::{Quaternion, Vector3};
 
     fn names() -> [String; JOINTS] {
@@ -239,5 +240,20 @@ mod tests {
         assert!(problem(0.0, 1.0, f64::NAN).contains("angular_velocity (x 0, y NaN, z 0) is no number"));
         // The controller gets them all the same, and has a fault for them.
         assert!(of(0.0, 0.0, 0.0).0.tilt().unwrap().roll_rad.is_nan());
+    }
+
+    #[test]
+    fn the_message_names_every_mode_every_fault_and_every_reason_of_damping() {
+        let file = include_str!("../../../msgs/msg/ControllerState.msg");
+        let constants = |kind: &str| -> Vec<(String, String)> {
+            let lines =
+                file.lines().filter_map(|line| line.strip_prefix("string ")?.strip_prefix(kind)?.split_once('='));
+            lines.map(|(name, value)| (name.to_lowercase(), value.trim_matches('"').to_owned())).collect()
+        };
+        let named = |names: &[&str]| names.iter().map(|name| ((*name).into(), (*name).into())).collect::<Vec<_>>();
+        assert_eq!(constants("MODE_"), named(&Mode::ALL.map(Mode::name)));
+        assert_eq!(constants("FAULT_"), named(&Fault::ALL.map(Fault::name)));
+        let reasons = [DampingReason::Armed, DampingReason::EmergencyStop, DampingReason::StaleJointState];
+        assert_eq!(constants("DAMPED_"), named(&reasons.map(DampingReason::name)));
     }
 }

@@ -2,6 +2,7 @@
 
 use crate::cycle::{CycleOutput, Timing};
 use crate::dds_bus::CommandPublisher;
+use crate::drive_reports::DriveReports;
 use crate::inputs::InputProblems;
 use crate::odometry::{self, Odometer};
 use crate::ports;
@@ -33,6 +34,8 @@ pub struct Publishers {
     joint_states: Option<Publisher<sensor_msgs::JointState>>,
     /// Cycles between two messages of them.
     joint_states_every: u64,
+    /// What the drives say of themselves, likewise.
+    drive_reports: Option<DriveReports>,
     diagnostics: Publisher<DiagnosticArray>,
     joint_names: [String; JOINTS],
     node_name: String,
@@ -68,6 +71,7 @@ impl Publishers {
         problems: Arc<InputProblems>,
     ) -> Result<Self, RosError> {
         Ok(Self {
+            drive_reports: commands_out.is_none().then(|| DriveReports::new(node, OFFERED)).transpose()?,
             joint_states: commands_out.is_none().then(|| node.publisher("joint_states", OFFERED)).transpose()?,
             commands_out,
             controller_state: node.publisher("controller_state", OFFERED)?,
@@ -145,6 +149,12 @@ impl Publishers {
             let gait = cycle.gait.as_ref().map(|name| name.as_str());
             let sent = self.controller_state.publish(ports::controller_state(output, gait, cycle.missed_cycles));
             self.note(sent);
+        }
+        if let (Some(reports), Some(readings), Some(bus)) = (&self.drive_reports, &cycle.readings, &cycle.bus)
+            && let Some(answered) = output.answered
+        {
+            let sent = reports.publish(readings, bus, &self.joint_names, answered);
+            sent.into_iter().for_each(|sent| self.note(sent));
         }
         if let Some(timing) = &cycle.timing {
             let message = self.diagnostics(cycle, timing);
