@@ -15,11 +15,12 @@ mod macros;
 
 pub mod action_msgs;
 pub mod builtin_interfaces;
+mod carried;
 pub mod diagnostic_msgs;
+mod gait_message;
 pub mod geometry_msgs;
 pub mod lifecycle_msgs;
 pub mod nav_msgs;
-pub mod ports;
 pub mod rcl_interfaces;
 pub mod rosgraph_msgs;
 pub mod sensor_msgs;
@@ -32,5 +33,5 @@ pub mod unique_identifier_msgs;
 pub mod visualization_msgs;
 
 pub use interface::{Action, Covariance, Field, FieldType, Message, Optional, Service, TooMany, definition};
-pub use ports::GaitMessageError;
+pub use gait_message::{GAIT_VERSION, Gait, GaitMessageError};
 pub use tandem_msgs::*;

@@ -1,7 +1,7 @@
-//! Tandem's own messages, services and actions. The definition files in `msg/`, `srv/` and `action/` hold the same fields.
+//! Tandem's own messages, services and actions, but the gait (gait_message.rs). The definition files in `msg/`, `srv/` and
+//! `action/` hold the same fields.
 
 use crate::builtin_interfaces::Time;
-use crate::geometry_msgs::{Pose, Twist};
 use crate::std_msgs::Header;
 use crate::{Action, Optional};
 
@@ -112,64 +112,6 @@ messages! { "tandem_msgs";
         objective: f64,
         /// The constraint that is violated most, or that binds, by name.
         worst_constraint: String,
-    }
-    /// A planned gait. Arrays over joints have 12 entries: leg * 3 + joint.
-    Gait {
-        /// stamp: when the plan was made; frame_id: the frame of `initial_base_pose`.
-        header: Header,
-        /// Version of the gait's schema.
-        version: u32,
-        /// The robot that the gait is for.
-        robot: String,
-        /// The gait's name.
-        name: String,
-        /// 12 joint names.
-        joint_names: Vec<String>,
-        /// Duration of one step (half a stride), s.
-        step_duration_s: f64,
-        /// Forward motion of the base in one step, m.
-        step_length_m: f64,
-        /// Degree of the Bézier polynomials.
-        bezier_degree: u8,
-        /// Planned joint angles over the first step, rad: row-major 12 x (degree + 1).
-        coefficients_rad: Vec<f64>,
-        /// The compensated reference that the tracking law follows, rad: row-major 12 x (degree + 1).
-        reference_coefficients_rad: Vec<f64>,
-        /// The second step's own planned joints (legs 0 and 3 stand), not mirrored, rad: row-major 12 x (degree + 1); empty where the
-        /// mirror gives them.
-        second_coefficients_rad: Vec<f64>,
-        /// The second step's own reference, rad: as `second_coefficients_rad`.
-        second_reference_coefficients_rad: Vec<f64>,
-        /// The next step: row of leg i, joint k = `mirror_sign[k]` * row of leg `mirror_leg[i]`.
-        mirror_leg: Vec<u8>,
-        /// 3 entries, each 1 or -1.
-        mirror_sign: Vec<f64>,
-        /// Base at the start of the first step, m.
-        initial_base_pose: Pose,
-        /// linear: world axes, m/s; angular: body axes, rad/s.
-        initial_base_twist: Twist,
-        /// rad.
-        initial_joint_position_rad: Vec<f64>,
-        /// rad/s.
-        initial_joint_velocity_rad_s: Vec<f64>,
-        /// Nm/rad.
-        kp: Vec<f64>,
-        /// Nm s/rad.
-        kd: Vec<f64>,
-        /// Nm.
-        torque_limit_nm: Vec<f64>,
-        /// The request that the gait answers, as JSON.
-        request_json: String,
-        /// How the optimisation ended.
-        solver: SolverReport,
-        /// Points of the program that the plan came from; 0: this and the three fields after it are not known.
-        points: u32,
-        /// Largest multiplier of the step's map.
-        largest_multiplier: f64,
-        /// How far from its place a swing toe would meet a slightly higher floor, m.
-        landing_run_m: f64,
-        /// Whether both say that the gait stands by itself.
-        stable: bool,
     }
     /// What the controller does.
     ControllerState {

@@ -62,7 +62,7 @@ impl PreparedGait {
         for j in 0..JOINTS {
             // A drive's law with gains far from those the robot was set up with is not stable.
             for (key, value, usual) in
-                [("gains.kp", gait.kp[j], config.posture_kp[j]), ("gains.kd", gait.kd[j], config.posture_kd[j])]
+                [("gains.kp", gait.gains.kp[j], config.posture_kp[j]), ("gains.kd", gait.gains.kd[j], config.posture_kd[j])]
             {
                 if !(0.1 * usual..=4.0 * usual).contains(&value) {
                     return refuse(
@@ -82,12 +82,12 @@ impl PreparedGait {
                 planned_rad: second.coefficients_rad,
                 compensation_rad: compensation(&second.reference_coefficients_rad, &second.coefficients_rad),
             }),
-            kp: gait.kp,
-            kd: gait.kd,
+            kp: gait.gains.kp,
+            kd: gait.gains.kd,
         };
         for n in 0..CHECKED_PHASES {
             let s = n as f64 / (CHECKED_PHASES - 1) as f64;
-            for side in [StepSide::First, StepSide::Mirrored] {
+            for side in StepSide::BOTH {
                 let at = prepared.at(side, s);
                 for j in 0..JOINTS {
                     for (what, unit, value, low, high) in [

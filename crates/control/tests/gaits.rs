@@ -76,8 +76,8 @@ fn bad_gaits_are_refused_by_what_is_wrong() {
     type Case = (&'static str, fn(&mut gait::Gait));
     let cases: [Case; 6] = [
         ("robot \"solo12\"", |g| g.robot = "solo12".into()),
-        ("gains.kp[4]", |g| g.kp[4] = 5000.0),
-        ("gains.kd[0]", |g| g.kd[0] = 0.0),
+        ("gains.kp[4]", |g| g.gains.kp[4] = 5000.0),
+        ("gains.kd[0]", |g| g.gains.kd[0] = 0.0),
         ("planned position of front_left_knee", |g| {
             g.coefficients_rad[2][2] = -4.0;
             g.reference_coefficients_rad[2][2] = -4.0;

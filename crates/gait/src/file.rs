@@ -2,10 +2,9 @@
 //! a `second_step` of its own. A gait is written in the lowest version that can carry it, so that a reader of version 1 reads
 //! every gait that it can walk, and refuses, by its version, a gait that it would walk wrongly.
 
-use crate::{
-    Certificate, Coefficients, Gait, GaitError, InitialState, JOINTS, Mirror, SecondStep, SolverSummary, bezier,
-};
-use serde::{Deserialize, Serialize};
+use crate::types::GaitFile;
+use crate::{Gait, GaitError, SecondStep};
+use serde::Deserialize;
 
 /// `format` of every gait file.
 pub const FILE_FORMAT: &str = "tandem-gait";
@@ -22,38 +21,6 @@ pub const MAX_FILE_BYTES: usize = 1 << 20;
 struct Header {
     format: String,
     version: u64,
-}
-
-#[derive(Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
-struct GaitFile {
-    format: String,
-    version: u64,
-    robot: String,
-    name: String,
-    joint_names: [String; JOINTS],
-    step_duration_s: f64,
-    step_length_m: f64,
-    bezier_degree: usize,
-    coefficients_rad: [Coefficients; JOINTS],
-    mirror: Mirror,
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    second_step: Option<SecondStep>,
-    initial: InitialState,
-    reference_coefficients_rad: [Coefficients; JOINTS],
-    gains: Gains,
-    torque_limit_nm: [f64; JOINTS],
-    request: serde_json::Value,
-    solver: SolverSummary,
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    certificate: Option<Certificate>,
-}
-
-#[derive(Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
-struct Gains {
-    kp: [f64; JOINTS],
-    kd: [f64; JOINTS],
 }
 
 /// The lowest version that can carry a gait.
@@ -86,58 +53,14 @@ impl Gait {
                 ),
             });
         }
-        let gait = Gait {
-            robot: f.robot,
-            name: f.name,
-            joint_names: f.joint_names,
-            step_duration_s: f.step_duration_s,
-            step_length_m: f.step_length_m,
-            coefficients_rad: f.coefficients_rad,
-            mirror: f.mirror,
-            second_step: f.second_step,
-            initial: f.initial,
-            reference_coefficients_rad: f.reference_coefficients_rad,
-            kp: f.gains.kp,
-            kd: f.gains.kd,
-            torque_limit_nm: f.torque_limit_nm,
-            request: f.request,
-            solver: f.solver,
-            certificate: f.certificate,
-        };
-        if f.bezier_degree != bezier::DEGREE {
-            return Err(GaitError::Value {
-                gait: gait.name,
-                field: "bezier_degree".into(),
-                problem: format!("is {}, expected {}", f.bezier_degree, bezier::DEGREE),
-            });
-        }
+        let gait = f.content();
         gait.validate()?;
         Ok(gait)
     }
 
     /// The gait file's text; the same gait gives the same bytes.
     pub fn to_json(&self) -> String {
-        let g = self.clone();
-        let file = GaitFile {
-            format: FILE_FORMAT.into(),
-            version: version_of(g.second_step.as_ref()),
-            robot: g.robot,
-            name: g.name,
-            joint_names: g.joint_names,
-            step_duration_s: g.step_duration_s,
-            step_length_m: g.step_length_m,
-            bezier_degree: bezier::DEGREE,
-            coefficients_rad: g.coefficients_rad,
-            mirror: g.mirror,
-            second_step: g.second_step,
-            initial: g.initial,
-            reference_coefficients_rad: g.reference_coefficients_rad,
-            gains: Gains { kp: g.kp, kd: g.kd },
-            torque_limit_nm: g.torque_limit_nm,
-            request: g.request,
-            solver: g.solver,
-            certificate: g.certificate,
-        };
+        let file = GaitFile::new(FILE_FORMAT.into(), version_of(self.second_step.as_ref()), self.clone());
         // A number that is not finite would become null; every gait is validated, so none is left.
         serde_json::to_string_pretty(&file).expect("a gait has only strings, numbers and arrays") + "\n"
     }
@@ -146,8 +69,9 @@ impl Gait {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::MAX_NAME_CHARS;
-    use crate::StepSide;
+    use crate::{
+        Certificate, Coefficients, Gains, InitialState, JOINTS, MAX_NAME_CHARS, Mirror, SolverSummary, StepSide, bezier,
+    };
 
     const CERTIFICATE: Certificate =
         Certificate { points: 21, largest_multiplier: 0.1 + 0.6, landing_run_m: 0.012, stable: true };
@@ -163,6 +87,7 @@ mod tests {
             joint_names: std::array::from_fn(|j| format!("joint_{j}")),
             step_duration_s: 0.4,
             step_length_m: 0.0,
+            bezier_degree: bezier::DEGREE,
             coefficients_rad: rows,
             mirror: Mirror { leg: [2, 3, 0, 1], sign: [-1.0, 1.0, 1.0] },
             second_step: None,
@@ -175,8 +100,7 @@ mod tests {
                 joint_velocity_rad_s: [0.0; 12],
             },
             reference_coefficients_rad: rows,
-            kp: [230.0; 12],
-            kd: [5.0; 12],
+            gains: Gains { kp: [230.0; 12], kd: [5.0; 12] },
             torque_limit_nm: [50.0; 12],
             request: serde_json::json!({"behaviour": "standing"}),
             solver: SolverSummary {
@@ -265,7 +189,7 @@ mod tests {
     #[test]
     fn bad_values_are_named() {
         type Case = (&'static str, fn(&mut Gait));
-        let cases: [Case; 13] = [
+        let cases: [Case; 14] = [
             ("certificate.landing_run_m is NaN", |g| {
                 g.certificate = Some(Certificate { landing_run_m: f64::NAN, ..CERTIFICATE });
             }),
@@ -283,9 +207,10 @@ mod tests {
                 g.second_step =
                     Some(SecondStep { coefficients_rad: g.coefficients_rad, reference_coefficients_rad: rows });
             }),
+            ("bezier_degree is 4, expected 5", |g| g.bezier_degree = 4),
             ("step_duration_s is NaN", |g| g.step_duration_s = f64::NAN),
             ("coefficients_rad[13] is NaN", |g| g.coefficients_rad[2][1] = f64::NAN),
-            ("gains.kp[3] is -1", |g| g.kp[3] = -1.0),
+            ("gains.kp[3] is -1", |g| g.gains.kp[3] = -1.0),
             ("torque_limit_nm[0] is inf", |g| g.torque_limit_nm[0] = f64::INFINITY),
             ("mirror.leg", |g| g.mirror.leg = [2, 2, 0, 1]),
             ("mirror.sign", |g| g.mirror.sign[0] = 0.5),

@@ -3,7 +3,7 @@
 use crate::PlanError;
 use crate::program::{DOF, DecomposedProgram, layout as at};
 use crate::request::GaitRequest;
-use gait::{Coefficients, Gait, InitialState, JOINTS, Mirror, SolverSummary, bezier};
+use gait::{Coefficients, Gains, Gait, InitialState, JOINTS, Mirror, SolverSummary, bezier};
 use nalgebra::{DMatrix, Rotation3, UnitQuaternion, Vector3};
 use rigid_body::{Data, rnea};
 use robot::Robot;
@@ -145,6 +145,7 @@ pub(crate) fn gait(
         joint_names: robot.joint_names(),
         step_duration_s: t,
         step_length_m: request.speed_m_s * t,
+        bezier_degree: bezier::DEGREE,
         coefficients_rad,
         mirror: Mirror { leg: robot.mirror.leg, sign: robot.mirror.joint_sign },
         second_step,
@@ -158,8 +159,7 @@ pub(crate) fn gait(
             joint_velocity_rad_s: std::array::from_fn(|j| first.v[6 + j]),
         },
         reference_coefficients_rad: compensated_reference(robot, points, t),
-        kp,
-        kd,
+        gains: Gains { kp, kd },
         torque_limit_nm: std::array::from_fn(|j| request.torque_limit_nm[j % 3]),
         request: serde_json::to_value(request).expect("a request is plain numbers and a name"),
         solver,

@@ -153,7 +153,7 @@ fn the_compensated_reference_makes_the_bare_law_give_the_planned_torque() {
     for point in &plan.points {
         let (position, velocity) = gait.reference(gait::StepSide::First, point.phase);
         for j in 0..12 {
-            let law = gait.kp[j] * (position[j] - point.q[6 + j]) + gait.kd[j] * (velocity[j] - point.v[6 + j]);
+            let law = gait.gains.kp[j] * (position[j] - point.q[6 + j]) + gait.gains.kd[j] * (velocity[j] - point.v[6 + j]);
             let error = (law - point.torque_nm[j]).abs();
             assert!(
                 error < 1.0,
@@ -372,7 +372,7 @@ fn a_reference_planned_in_the_program_gives_the_planned_torques_by_the_bare_law(
     for point in &plan.points {
         let (position, velocity) = gait.reference(gait::StepSide::First, point.phase);
         for j in 0..12 {
-            let law = gait.kp[j] * (position[j] - point.q[6 + j]) + gait.kd[j] * (velocity[j] - point.v[6 + j]);
+            let law = gait.gains.kp[j] * (position[j] - point.q[6 + j]) + gait.gains.kd[j] * (velocity[j] - point.v[6 + j]);
             assert!(
                 (law - point.torque_nm[j]).abs() < 0.05,
                 "joint {j} at {}: {law}, planned {}",

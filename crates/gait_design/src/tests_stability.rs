@@ -26,7 +26,7 @@ fn generator(robot: &Robot, gait: &Gait, stance: [usize; 2], point: &PlanPoint) 
             let mut tau = [0.0; DOF];
             for j in 0..12 {
                 let (dq, dv) = (q[6 + j] - point.q[6 + j], v[6 + j] - point.v[6 + j]);
-                tau[6 + j] = point.torque_nm[j] - gait.kp[j] * dq - gait.kd[j] * dv;
+                tau[6 + j] = point.torque_nm[j] - gait.gains.kp[j] * dq - gait.gains.kd[j] * dv;
             }
             dynamics.motion(&robot.model, &q, &v, &tau, &stance).unwrap().acceleration.clone()
         };
@@ -167,7 +167,7 @@ fn a_step_that_is_not_finite_is_an_error_and_not_a_search_for_eigenvalues_withou
     let robot = vision60();
     let request = GaitRequest::named("amble", &robot).unwrap();
     let mut plan = plan(&robot, &request, &PlanOptions::default(), go_on).unwrap();
-    plan.gait.kp = [1e300; 12];
+    plan.gait.gains.kp = [1e300; 12];
     let error = stability(&robot, &plan.gait, &plan.points, &plan.second_points).unwrap_err();
     assert!(matches!(error, decomposition::DynamicsError::NotFinite { .. }), "{error}");
 }

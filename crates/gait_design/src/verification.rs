@@ -91,7 +91,7 @@ pub fn simulate_planned_step(
             }
             StepLaw::Tracking => {
                 let (position, velocity) = gait.reference(side, (time / t).clamp(0.0, 1.0));
-                std::array::from_fn(|j| gait.kp[j] * (position[j] - q[6 + j]) + gait.kd[j] * (velocity[j] - v[6 + j]))
+                std::array::from_fn(|j| gait.gains.kp[j] * (position[j] - q[6 + j]) + gait.gains.kd[j] * (velocity[j] - v[6 + j]))
             }
         }
     };
@@ -170,11 +170,9 @@ fn output_acceleration(gait: &Gait, side: StepSide, time: f64, q: &[f64], v: &[f
 
 /// Which step a plan's points are of, its stance legs (those that the ground pushes on) and its swing legs.
 pub(crate) fn step_of(points: &[PlanPoint]) -> (StepSide, [usize; 2], [usize; 2]) {
-    if points[0].ground_force_n[1][2] > 0.0 {
-        (StepSide::First, [1, 2], [0, 3])
-    } else {
-        (StepSide::Mirrored, [0, 3], [1, 2])
-    }
+    let first = points[0].ground_force_n[1][2] > 0.0;
+    let side = if first { StepSide::First } else { StepSide::Mirrored };
+    (side, side.stance_legs(), side.swing_legs())
 }
 
 /// Torques that give the joints their accelerations on the ground: the base's six rows and the contacts are solved for

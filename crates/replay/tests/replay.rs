@@ -5,7 +5,7 @@ use std::time::{Duration, Instant};
 
 use bag::{Bag, Qos, Recorder, RecorderOptions, from_cdr, to_cdr};
 use control::{Config, Controller, InertialState, Input, JointState, PreparedGait, Request, Tilt};
-use gait::{Gait, InitialState, Mirror, SolverSummary};
+use gait::{Gains, Gait, InitialState, Mirror};
 use replay::{ReplayError, read_run, verify};
 use robot::Robot;
 use run_recorder::{BodySample, RunInfo, RunRecorder};
@@ -31,7 +31,6 @@ fn gait(robot: &Robot) -> Gait {
         step_length_m: 0.0,
         coefficients_rad: rows,
         mirror: Mirror { leg: [2, 3, 0, 1], sign: [-1.0, 1.0, 1.0] },
-        second_step: None,
         initial: InitialState {
             base_position_m: [0.0, 0.0, 0.58],
             base_quaternion_xyzw: [0.0, 0.0, 0.0, 1.0],
@@ -41,18 +40,12 @@ fn gait(robot: &Robot) -> Gait {
             joint_velocity_rad_s: [0.0; 12],
         },
         reference_coefficients_rad: rows.map(|row| row.map(|c| c + 0.01)),
-        kp: std::array::from_fn(|j| robot.gains.kp_nm_per_rad[j % 3]),
-        kd: std::array::from_fn(|j| robot.gains.kd_nm_s_per_rad[j % 3]),
-        torque_limit_nm: [50.0; 12],
-        request: serde_json::json!({ "behaviour": "gait1" }),
-        certificate: None,
-        solver: SolverSummary {
-            status: "converged".into(),
-            iterations: 10,
-            solve_time_s: 0.1,
-            max_violation: 1e-9,
-            objective: 0.04,
+        gains: Gains {
+            kp: std::array::from_fn(|j| robot.gains.kp_nm_per_rad[j % 3]),
+            kd: std::array::from_fn(|j| robot.gains.kd_nm_s_per_rad[j % 3]),
         },
+        torque_limit_nm: [50.0; 12],
+        ..Gait::from_json(include_str!("../../../tests/gaits/amble.json")).unwrap()
     };
     gait.validate().unwrap();
     gait

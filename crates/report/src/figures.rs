@@ -86,7 +86,7 @@ pub fn phase_portraits(run: &Run) -> Result<Image, ReportError> {
 /// One joint's planned stride: the step and its mirror.
 fn planned_orbit(run: &Run, joint: usize) -> Vec<(f64, f64)> {
     const POINTS: u32 = 200;
-    [StepSide::First, StepSide::Mirrored]
+    StepSide::BOTH
         .into_iter()
         .flat_map(|side| (0..=POINTS).map(move |point| (side, f64::from(point) / f64::from(POINTS))))
         .map(|(side, phase)| {
@@ -322,9 +322,7 @@ pub fn footfalls(run: &Run) -> Result<Image, ReportError> {
                     .map_err(drawing)?;
             }
             for step in 0..shown as u64 {
-                // Legs 1 and 2 stand in a first step, 0 and 3 in its mirror.
-                let first = StepSide::of_step((steps - shown) as u64 + step) == StepSide::First;
-                if first == matches!(leg, 1 | 2) {
+                if StepSide::of_step((steps - shown) as u64 + step).stands()[leg] {
                     let from = start_s + step as f64 * step_s;
                     let stance = [(from, row - 0.32), (from + step_s, row - 0.2)];
                     chart.draw_series([Rectangle::new(stance, RED.filled())]).map_err(drawing)?;

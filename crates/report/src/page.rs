@@ -201,7 +201,7 @@ fn portrait(run: &PageRun, settled: &[Sample]) -> Value {
 fn planned(gait: &Gait) -> Vec<Value> {
     (0..JOINTS_PER_LEG * LEGS / 2)
         .map(|joint| {
-            let points: Vec<(f64, f64)> = [StepSide::First, StepSide::Mirrored]
+            let points: Vec<(f64, f64)> = StepSide::BOTH
                 .into_iter()
                 .flat_map(|side| (0..=100).map(move |point| (side, f64::from(point) / 100.0)))
                 .map(|(side, phase)| {

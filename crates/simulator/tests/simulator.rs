@@ -41,7 +41,7 @@ fn law(gait: &Gait, time_s: f64) -> JointCommand {
     let steps = time_s / gait.step_duration_s;
     let index = (steps + 1e-9).floor();
     let (position_rad, velocity_rad_s) = gait.reference(StepSide::of_step(index as u64), (steps - index).max(0.0));
-    JointCommand { position_rad, velocity_rad_s, kp: gait.kp, kd: gait.kd, torque_nm: [0.0; 12] }
+    JointCommand { position_rad, velocity_rad_s, kp: gait.gains.kp, kd: gait.gains.kd, torque_nm: [0.0; 12] }
 }
 
 #[test]

@@ -103,8 +103,8 @@ fn walk(domain: u16, cycles: usize) -> Vec<JointState> {
             name: state.name.clone(),
             position: position.to_vec(),
             velocity: velocity.to_vec(),
-            kp: gait.kp.to_vec(),
-            kd: gait.kd.to_vec(),
+            kp: gait.gains.kp.to_vec(),
+            kd: gait.gains.kd.to_vec(),
             torque: vec![0.0; 12],
             ..Default::default()
         };

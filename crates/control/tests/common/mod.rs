@@ -5,7 +5,7 @@ use control::{
     Config, Controller, DriveMode, Fault, InertialState, Input, JOINTS, JointState, Mode, Output, Posture,
     PreparedGait, Request, Tilt,
 };
-use gait::{Gait, InitialState, Mirror, SolverSummary, StepSide};
+use gait::{Gains, Gait, InitialState, Mirror, StepSide};
 use std::time::Duration;
 
 pub const PERIOD: Duration = Duration::from_millis(1);
@@ -92,7 +92,6 @@ pub fn gait_at(name: &str, posture: [f64; 3], step_duration_s: f64) -> Gait {
         step_length_m: 0.0,
         coefficients_rad: rows,
         mirror: Mirror { leg: [2, 3, 0, 1], sign: [-1.0, 1.0, 1.0] },
-        second_step: None,
         initial: InitialState {
             base_position_m: [0.0, 0.0, 0.58],
             base_quaternion_xyzw: [0.0, 0.0, 0.0, 1.0],
@@ -102,18 +101,9 @@ pub fn gait_at(name: &str, posture: [f64; 3], step_duration_s: f64) -> Gait {
             joint_velocity_rad_s: [0.0; JOINTS],
         },
         reference_coefficients_rad: reference,
-        kp: each_leg([230.0, 230.0, 300.0]),
-        kd: [5.0; JOINTS],
+        gains: Gains { kp: each_leg([230.0, 230.0, 300.0]), kd: [5.0; JOINTS] },
         torque_limit_nm: [50.0; JOINTS],
-        request: serde_json::json!({}),
-        certificate: None,
-        solver: SolverSummary {
-            status: "converged".into(),
-            iterations: 12,
-            solve_time_s: 0.1,
-            max_violation: 1e-9,
-            objective: 0.04,
-        },
+        ..Gait::from_json(include_str!("../../../../tests/gaits/amble.json")).unwrap()
     };
     gait.validate().unwrap();
     gait
@@ -245,7 +235,7 @@ impl Bench {
 /// The compensated law itself, as the paper writes it: kp (B̃ − q) + kd (dB̃/dt − q̇).
 pub fn law(gait: &Gait, side: StepSide, s: f64, q: &[f64; JOINTS], v: &[f64; JOINTS]) -> [f64; JOINTS] {
     let (position, velocity) = gait.reference(side, s);
-    std::array::from_fn(|j| gait.kp[j] * (position[j] - q[j]) + gait.kd[j] * (velocity[j] - v[j]))
+    std::array::from_fn(|j| gait.gains.kp[j] * (position[j] - q[j]) + gait.gains.kd[j] * (velocity[j] - v[j]))
 }
 
 /// Prints what a test of the fault matrix measured, and holds docs/safety.md to it: the row that names the test says the number in

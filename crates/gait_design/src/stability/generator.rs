@@ -136,8 +136,8 @@ pub(super) fn generator(
         }
     }
     for j in 0..JOINTS {
-        add(&mut right[6 + j], -gait.kp[j], &lift.position[6 + j]);
-        add(&mut right[6 + j], -gait.kd[j], &lift.velocity[6 + j]);
+        add(&mut right[6 + j], -gait.gains.kp[j], &lift.position[6 + j]);
+        add(&mut right[6 + j], -gait.gains.kd[j], &lift.velocity[6 + j]);
     }
     let own = independent(swing);
     // Nᵀ of rows of the robot's coordinates.

@@ -127,13 +127,13 @@ impl Balance {
         self.height_m =
             (0..4).map(|leg| config.legs[leg].hip_m().z - toe(StepSide::First, 0.0, leg).z).sum::<f64>() / 4.0;
         let mut moved = Vector3::zeros();
-        for side in [StepSide::First, StepSide::Mirrored] {
+        for side in StepSide::BOTH {
             for leg in (0..4).filter(|&leg| !swings(side)[leg]) {
                 moved += toe(side, 1.0, leg) - toe(side, 0.0, leg);
             }
         }
         self.own_velocity = (-moved.xy() / (4.0 * gait.step_duration_s())).into();
-        let [a, b] = [StepSide::First, StepSide::Mirrored].map(|side| gait.at(side, 0.0).position_rad);
+        let [a, b] = StepSide::BOTH.map(|side| gait.at(side, 0.0).position_rad);
         self.middle_rad = std::array::from_fn(|j| 0.5 * (a[j] + b[j]));
         self.rate_s = 1.0 / gait.step_duration_s();
         self.fastest_s = f64::MAX;

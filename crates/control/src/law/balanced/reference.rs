@@ -20,10 +20,7 @@ pub(super) fn smooth(x: f64) -> f64 {
 
 /// Which legs swing in a step of this side.
 pub(crate) fn swings(side: StepSide) -> [bool; 4] {
-    match side {
-        StepSide::First => [true, false, false, true],
-        StepSide::Mirrored => [false, true, true, false],
-    }
+    side.stands().map(|stands| !stands)
 }
 
 /// Three joints of a leg.

@@ -1,11 +1,12 @@
-//! The gait message and the gait: planner, controller and recorder convert here, in one place.
+//! The gait's message. One list gives its fields, their order on the wire, and which field of a gait each of them carries;
+//! planner, controller and recorder convert by it. A field of a gait that is not in the list does not build.
 
 use gait::bezier::DEGREE;
-use gait::{Certificate, Coefficients, InitialState, JOINTS, Mirror, SecondStep, SolverSummary};
 
-use crate::geometry_msgs::{Point, Pose, Quaternion, Twist, Vector3};
+use crate::SolverReport;
+use crate::carried::{Carried, Place};
+use crate::geometry_msgs::{Pose, Twist};
 use crate::std_msgs::Header;
-use crate::{Gait, SolverReport};
 
 /// Version of the gait message's schema, that of the gait file: 1, or 2 with a second step of its own.
 pub const GAIT_VERSION: u32 = gait::FILE_VERSION as u32;
@@ -67,61 +68,172 @@ pub enum GaitMessageError {
     Gait(#[from] gait::GaitError),
 }
 
-fn vector3([x, y, z]: [f64; 3]) -> Vector3 {
-    Vector3 { x, y, z }
+/// Defines the message and its mapping. `own` fields are the message's; then come the gait's fields, each with the fields of
+/// the message that carry it:
+///
+/// - `field { wire: Type }`: one field carries it.
+/// - `field: Part { wire: Type = part, … }`: a structure, whose own fields are carried; `a & b` are carried by one.
+/// - `field: Part [present] { … }`: a structure that may be absent; `present` says of a message whether it is there.
+macro_rules! gait_message {
+    (
+        $(#[$meta:meta])*
+        own { $( $(#[$own_meta:meta])* $own:ident: $own_type:ty, )+ }
+        $( $field:ident $(: $part:ident $([$present:expr])?)? {
+            $( $(#[$wire_meta:meta])* $wire:ident: $type:ty $(= $($sub:ident)&+)?, )+
+        } )+
+    ) => {
+        messages! { "tandem_msgs";
+            $(#[$meta])*
+            Gait {
+                $( $(#[$own_meta])* $own: $own_type, )+
+                $($( $(#[$wire_meta])* $wire: $type, )+)+
+            }
+        }
+
+        impl Gait {
+            /// Writes every field that carries one of the gait's.
+            fn carry(&mut self, gait: &gait::Gait) {
+                $( gait_message!(@write self, &gait.$field, [$($part $($present)?)?], $($wire: $type $(= $($sub)&+)?),+); )+
+            }
+
+            /// The gait that is carried, its lengths checked.
+            fn carried(&self) -> Result<gait::Gait, GaitMessageError> {
+                Ok(gait::Gait {
+                    $( $field: gait_message!(@read self, [$($part $($present)?)?], $($wire: $type $(= $($sub)&+)?),+), )+
+                })
+            }
+        }
+    };
+
+    (@write $message:ident, $value:expr, [], $wire:ident: $type:ty) => {
+        $message.$wire = Carried::<$type>::to_wire($value);
+    };
+    (@write $message:ident, $value:expr, [$part:ident], $($wire:ident: $type:ty = $($sub:ident)&+),+) => {
+        let part: &gait::$part = $value;
+        $( $message.$wire = Carried::<$type>::to_wire(&($(part.$sub.clone(),)+)); )+
+    };
+    (@write $message:ident, $value:expr, [$part:ident $present:expr], $($rows:tt)+) => {
+        if let Some(part) = $value {
+            gait_message!(@write $message, part, [$part], $($rows)+);
+        }
+    };
+
+    (@read $message:ident, [], $wire:ident: $type:ty) => {
+        Carried::<$type>::from_wire(&$message.$wire, Place { gait: &$message.name, field: stringify!($wire) })?
+    };
+    (@read $message:ident, [$part:ident], $($wire:ident: $type:ty = $($sub:ident)&+),+) => {{
+        $( let ($($sub,)+) = gait_message!(@read $message, [], $wire: $type); )+
+        gait::$part { $($($sub,)+)+ }
+    }};
+    (@read $message:ident, [$part:ident $present:expr], $($rows:tt)+) => {
+        if $present($message) { Some(gait_message!(@read $message, [$part], $($rows)+)) } else { None }
+    };
+}
+
+gait_message! {
+    /// A planned gait. Arrays over joints have 12 entries: leg * 3 + joint.
+    own {
+        /// stamp: when the plan was made; frame_id: the frame of `initial_base_pose`.
+        header: Header,
+        /// Version of the gait's schema.
+        version: u32,
+    }
+    robot {
+        /// The robot that the gait is for.
+        robot: String,
+    }
+    name {
+        /// The gait's name.
+        name: String,
+    }
+    joint_names {
+        /// 12 joint names.
+        joint_names: Vec<String>,
+    }
+    step_duration_s {
+        /// Duration of one step (half a stride), s.
+        step_duration_s: f64,
+    }
+    step_length_m {
+        /// Forward motion of the base in one step, m.
+        step_length_m: f64,
+    }
+    bezier_degree {
+        /// Degree of the Bézier polynomials.
+        bezier_degree: u8,
+    }
+    coefficients_rad {
+        /// Planned joint angles over the first step, rad: row-major 12 x (degree + 1).
+        coefficients_rad: Vec<f64>,
+    }
+    reference_coefficients_rad {
+        /// The compensated reference that the tracking law follows, rad: row-major 12 x (degree + 1).
+        reference_coefficients_rad: Vec<f64>,
+    }
+    second_step: SecondStep [Gait::has_second_step] {
+        /// The second step's own planned joints (legs 0 and 3 stand), not mirrored, rad: row-major 12 x (degree + 1); empty
+        /// where the mirror gives them.
+        second_coefficients_rad: Vec<f64> = coefficients_rad,
+        /// The second step's own reference, rad: as `second_coefficients_rad`.
+        second_reference_coefficients_rad: Vec<f64> = reference_coefficients_rad,
+    }
+    mirror: Mirror {
+        /// The next step: row of leg i, joint k = `mirror_sign[k]` * row of leg `mirror_leg[i]`.
+        mirror_leg: Vec<u8> = leg,
+        /// 3 entries, each 1 or -1.
+        mirror_sign: Vec<f64> = sign,
+    }
+    initial: InitialState {
+        /// Base at the start of the first step, m.
+        initial_base_pose: Pose = base_position_m & base_quaternion_xyzw,
+        /// linear: world axes, m/s; angular: body axes, rad/s.
+        initial_base_twist: Twist = base_linear_velocity_world & base_angular_velocity_body,
+        /// rad.
+        initial_joint_position_rad: Vec<f64> = joint_position_rad,
+        /// rad/s.
+        initial_joint_velocity_rad_s: Vec<f64> = joint_velocity_rad_s,
+    }
+    gains: Gains {
+        /// Nm/rad.
+        kp: Vec<f64> = kp,
+        /// Nm s/rad.
+        kd: Vec<f64> = kd,
+    }
+    torque_limit_nm {
+        /// Nm.
+        torque_limit_nm: Vec<f64>,
+    }
+    request {
+        /// The request that the gait answers, as JSON.
+        request_json: String,
+    }
+    solver {
+        /// How the optimisation ended.
+        solver: SolverReport,
+    }
+    certificate: Certificate [Gait::has_certificate] {
+        /// Points of the program that the plan came from; 0: this and the three fields after it are not known.
+        points: u32 = points,
+        /// Largest multiplier of the step's map.
+        largest_multiplier: f64 = largest_multiplier,
+        /// How far from its place a swing toe would meet a slightly higher floor, m.
+        landing_run_m: f64 = landing_run_m,
+        /// Whether both say that the gait stands by itself.
+        stable: bool = stable,
+    }
 }
 
 impl Gait {
     /// The message of a gait. The header's stamp is the sender's to set.
     #[must_use]
     pub fn from_gait(gait: &gait::Gait) -> Self {
-        let [x, y, z] = gait.initial.base_position_m;
-        let [qx, qy, qz, qw] = gait.initial.base_quaternion_xyzw;
-        let flat = |rows: Option<&[Coefficients; JOINTS]>| rows.map_or(Vec::new(), |rows| rows.as_flattened().to_vec());
-        let second = gait.second_step.as_ref();
-        Gait {
+        let mut message = Gait {
             header: Header { frame_id: "odom".to_string(), ..Header::default() },
-            version: if second.is_some() { GAIT_VERSION_TWO_STEPS } else { GAIT_VERSION },
-            robot: gait.robot.clone(),
-            name: gait.name.clone(),
-            joint_names: gait.joint_names.to_vec(),
-            step_duration_s: gait.step_duration_s,
-            step_length_m: gait.step_length_m,
-            bezier_degree: DEGREE as u8,
-            coefficients_rad: gait.coefficients_rad.as_flattened().to_vec(),
-            reference_coefficients_rad: gait.reference_coefficients_rad.as_flattened().to_vec(),
-            second_coefficients_rad: flat(second.map(|s| &s.coefficients_rad)),
-            second_reference_coefficients_rad: flat(second.map(|s| &s.reference_coefficients_rad)),
-            // Below four: a mirror is a permutation of the legs.
-            mirror_leg: gait.mirror.leg.iter().map(|leg| *leg as u8).collect(),
-            mirror_sign: gait.mirror.sign.to_vec(),
-            initial_base_pose: Pose {
-                position: Point { x, y, z },
-                orientation: Quaternion { x: qx, y: qy, z: qz, w: qw },
-            },
-            initial_base_twist: Twist {
-                linear: vector3(gait.initial.base_linear_velocity_world),
-                angular: vector3(gait.initial.base_angular_velocity_body),
-            },
-            initial_joint_position_rad: gait.initial.joint_position_rad.to_vec(),
-            initial_joint_velocity_rad_s: gait.initial.joint_velocity_rad_s.to_vec(),
-            kp: gait.kp.to_vec(),
-            kd: gait.kd.to_vec(),
-            torque_limit_nm: gait.torque_limit_nm.to_vec(),
-            request_json: gait.request.to_string(),
-            solver: SolverReport {
-                status: gait.solver.status.clone(),
-                iterations: gait.solver.iterations,
-                solve_time_s: gait.solver.solve_time_s,
-                max_violation: gait.solver.max_violation,
-                objective: gait.solver.objective,
-                worst_constraint: String::new(),
-            },
-            points: gait.certificate.map_or(0, |c| c.points),
-            largest_multiplier: gait.certificate.map_or(0.0, |c| c.largest_multiplier),
-            landing_run_m: gait.certificate.map_or(0.0, |c| c.landing_run_m),
-            stable: gait.certificate.is_some_and(|c| c.stable),
-        }
+            version: if gait.second_step.is_some() { GAIT_VERSION_TWO_STEPS } else { GAIT_VERSION },
+            ..Gait::default()
+        };
+        message.carry(gait);
+        message
     }
 
     /// The gait of a message, every length and value checked.
@@ -132,85 +244,38 @@ impl Gait {
         if ![GAIT_VERSION, GAIT_VERSION_TWO_STEPS].contains(&self.version) {
             return Err(GaitMessageError::Version { found: self.version });
         }
-        let second_entries = self.second_coefficients_rad.len() + self.second_reference_coefficients_rad.len();
-        if (self.version == GAIT_VERSION_TWO_STEPS) != (second_entries > 0) {
+        if (self.version == GAIT_VERSION_TWO_STEPS) != self.has_second_step() {
             return Err(GaitMessageError::SecondStep {
                 gait: self.name.clone(),
                 version: self.version,
-                found: second_entries,
+                found: self.second_entries(),
             });
         }
         if usize::from(self.bezier_degree) != DEGREE {
             return Err(GaitMessageError::Degree { gait: self.name.clone(), found: self.bezier_degree });
         }
-        let (pose, twist) = (&self.initial_base_pose, &self.initial_base_twist);
-        let mirror_leg: [u8; gait::LEGS] = self.array("mirror_leg", &self.mirror_leg)?;
-        let gait = gait::Gait {
-            robot: self.robot.clone(),
-            name: self.name.clone(),
-            joint_names: self.array("joint_names", &self.joint_names)?,
-            step_duration_s: self.step_duration_s,
-            step_length_m: self.step_length_m,
-            coefficients_rad: self.rows("coefficients_rad", &self.coefficients_rad)?,
-            mirror: Mirror { leg: mirror_leg.map(usize::from), sign: self.array("mirror_sign", &self.mirror_sign)? },
-            second_step: if second_entries > 0 {
-                Some(SecondStep {
-                    coefficients_rad: self.rows("second_coefficients_rad", &self.second_coefficients_rad)?,
-                    reference_coefficients_rad: self
-                        .rows("second_reference_coefficients_rad", &self.second_reference_coefficients_rad)?,
-                })
-            } else {
-                None
-            },
-            initial: InitialState {
-                base_position_m: [pose.position.x, pose.position.y, pose.position.z],
-                base_quaternion_xyzw: [pose.orientation.x, pose.orientation.y, pose.orientation.z, pose.orientation.w],
-                base_linear_velocity_world: [twist.linear.x, twist.linear.y, twist.linear.z],
-                base_angular_velocity_body: [twist.angular.x, twist.angular.y, twist.angular.z],
-                joint_position_rad: self.array("initial_joint_position_rad", &self.initial_joint_position_rad)?,
-                joint_velocity_rad_s: self.array("initial_joint_velocity_rad_s", &self.initial_joint_velocity_rad_s)?,
-            },
-            reference_coefficients_rad: self.rows("reference_coefficients_rad", &self.reference_coefficients_rad)?,
-            kp: self.array("kp", &self.kp)?,
-            kd: self.array("kd", &self.kd)?,
-            torque_limit_nm: self.array("torque_limit_nm", &self.torque_limit_nm)?,
-            request: serde_json::from_str(&self.request_json)
-                .map_err(|error| GaitMessageError::Request { gait: self.name.clone(), reason: error.to_string() })?,
-            solver: SolverSummary {
-                status: self.solver.status.clone(),
-                iterations: self.solver.iterations,
-                solve_time_s: self.solver.solve_time_s,
-                max_violation: self.solver.max_violation,
-                objective: self.solver.objective,
-            },
-            certificate: (self.points > 0).then_some(Certificate {
-                points: self.points,
-                largest_multiplier: self.largest_multiplier,
-                landing_run_m: self.landing_run_m,
-                stable: self.stable,
-            }),
-        };
+        let gait = self.carried()?;
         gait.validate()?;
         Ok(gait)
     }
 
-    fn array<T: Clone, const N: usize>(&self, field: &'static str, values: &[T]) -> Result<[T; N], GaitMessageError> {
-        <[T; N]>::try_from(values.to_vec()).map_err(|values| GaitMessageError::Length {
-            gait: self.name.clone(),
-            field,
-            found: values.len(),
-            expected: N,
-        })
+    fn second_entries(&self) -> usize {
+        self.second_coefficients_rad.len() + self.second_reference_coefficients_rad.len()
     }
 
-    fn rows(&self, field: &'static str, values: &[f64]) -> Result<[Coefficients; JOINTS], GaitMessageError> {
-        let flat: [f64; JOINTS * (DEGREE + 1)] = self.array(field, values)?;
-        Ok(std::array::from_fn(|joint| std::array::from_fn(|power| flat[joint * (DEGREE + 1) + power])))
+    fn has_second_step(&self) -> bool {
+        self.second_entries() > 0
+    }
+
+    fn has_certificate(&self) -> bool {
+        self.points > 0
     }
 }
 
 #[cfg(test)]
 mod tests {
+    use gait::{Certificate, Gains, InitialState, JOINTS, Mirror, SecondStep, SolverSummary};
+
     use super::*;
 
     /// Stands on the spot; every array holds different numbers where a gait allows it, so that no two can be swapped unseen.
@@ -223,6 +288,7 @@ mod tests {
             joint_names: std::array::from_fn(|j| format!("joint_{j}")),
             step_duration_s: 0.4,
             step_length_m: 0.0,
+            bezier_degree: DEGREE,
             coefficients_rad: joint.map(|v| [v; 6]),
             mirror: Mirror { leg: [2, 3, 0, 1], sign: [-1.0, 1.0, 1.0] },
             second_step: None,
@@ -235,8 +301,10 @@ mod tests {
                 joint_velocity_rad_s: std::array::from_fn(|j| 0.01 * j as f64),
             },
             reference_coefficients_rad: joint.map(|v| [v, v, v, v, v, v].map(|v| v * 1.01)),
-            kp: std::array::from_fn(|j| 200.0 + j as f64),
-            kd: std::array::from_fn(|j| 5.0 + j as f64),
+            gains: Gains {
+                kp: std::array::from_fn(|j| 200.0 + j as f64),
+                kd: std::array::from_fn(|j| 5.0 + j as f64),
+            },
             torque_limit_nm: std::array::from_fn(|j| 50.0 + j as f64),
             request: serde_json::json!({"behaviour": "standing", "speed_m_s": 0.0}),
             solver: SolverSummary {
