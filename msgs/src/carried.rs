@@ -148,7 +148,8 @@ impl Carried<SolverReport> for SolverSummary {
         SolverReport { status, iterations, solve_time_s, max_violation, objective, worst_constraint: String::new() }
     }
     fn from_wire(wire: &SolverReport, _place: Place<'_>) -> Result<Self, GaitMessageError> {
-        let SolverReport { status, iterations, solve_time_s, max_violation, objective, worst_constraint: _ } = wire.clone();
+        let SolverReport { status, iterations, solve_time_s, max_violation, objective, worst_constraint: _ } =
+            wire.clone();
         Ok(SolverSummary { status, iterations, solve_time_s, max_violation, objective })
     }
 }

@@ -301,10 +301,7 @@ mod tests {
                 joint_velocity_rad_s: std::array::from_fn(|j| 0.01 * j as f64),
             },
             reference_coefficients_rad: joint.map(|v| [v, v, v, v, v, v].map(|v| v * 1.01)),
-            gains: Gains {
-                kp: std::array::from_fn(|j| 200.0 + j as f64),
-                kd: std::array::from_fn(|j| 5.0 + j as f64),
-            },
+            gains: Gains { kp: std::array::from_fn(|j| 200.0 + j as f64), kd: std::array::from_fn(|j| 5.0 + j as f64) },
             torque_limit_nm: std::array::from_fn(|j| 50.0 + j as f64),
             request: serde_json::json!({"behaviour": "standing", "speed_m_s": 0.0}),
             solver: SolverSummary {

@@ -32,6 +32,6 @@ pub mod tf2_msgs;
 pub mod unique_identifier_msgs;
 pub mod visualization_msgs;
 
-pub use interface::{Action, Covariance, Field, FieldType, Message, Optional, Service, TooMany, definition};
 pub use gait_message::{GAIT_VERSION, Gait, GaitMessageError};
+pub use interface::{Action, Covariance, Field, FieldType, Message, Optional, Service, TooMany, definition};
 pub use tandem_msgs::*;

@@ -15,9 +15,8 @@ fn whole() -> Gait {
 
 /// Where every value of `json` stands, as JSON pointers.
 fn leaves(json: &Value) -> Vec<String> {
-    let below = |key: &str, value: &Value| {
-        leaves(value).into_iter().map(|leaf| format!("/{key}{leaf}")).collect::<Vec<_>>()
-    };
+    let below =
+        |key: &str, value: &Value| leaves(value).into_iter().map(|leaf| format!("/{key}{leaf}")).collect::<Vec<_>>();
     match json {
         Value::Array(items) => items.iter().enumerate().flat_map(|(i, item)| below(&i.to_string(), item)).collect(),
         Value::Object(fields) => fields.iter().flat_map(|(key, value)| below(key, value)).collect(),

@@ -61,9 +61,10 @@ impl PreparedGait {
         }
         for j in 0..JOINTS {
             // A drive's law with gains far from those the robot was set up with is not stable.
-            for (key, value, usual) in
-                [("gains.kp", gait.gains.kp[j], config.posture_kp[j]), ("gains.kd", gait.gains.kd[j], config.posture_kd[j])]
-            {
+            for (key, value, usual) in [
+                ("gains.kp", gait.gains.kp[j], config.posture_kp[j]),
+                ("gains.kd", gait.gains.kd[j], config.posture_kd[j]),
+            ] {
                 if !(0.1 * usual..=4.0 * usual).contains(&value) {
                     return refuse(
                         format!("{key}[{j}]"),

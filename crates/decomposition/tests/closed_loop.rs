@@ -11,7 +11,7 @@ use robot::Robot;
 fn gaits(robot: &Robot) -> Vec<(&'static str, Pairing, [usize; 2])> {
     let stand = robot.stand_rad();
     let (front, rear) = Bipeds::split_joints(&stand);
-    let diagonal = Pairing::diagonal(robot.mirror.joint_sign);
+    let diagonal = Pairing::diagonal(robot.mirror.sign);
     vec![
         ("diagonal", diagonal, [1, 2]),
         ("diagonal, next step", diagonal, [0, 3]),
@@ -136,7 +136,7 @@ proptest! {
 #[test]
 fn nothing_squeezes_along_the_line_between_the_toes() {
     let robot = vision60();
-    let pairing = Pairing::diagonal(robot.mirror.joint_sign);
+    let pairing = Pairing::diagonal(robot.mirror.sign);
     let stand = robot.stand_rad();
     let mut q_f = [0.0; 12];
     q_f[6..9].copy_from_slice(&stand[..3]);
@@ -163,7 +163,7 @@ fn nothing_squeezes_along_the_line_between_the_toes() {
 #[test]
 fn joints_that_tear_the_stance_toes_apart_are_refused() {
     let robot = vision60();
-    let pairing = Pairing::diagonal(robot.mirror.joint_sign);
+    let pairing = Pairing::diagonal(robot.mirror.sign);
     let (q_f, _) = Bipeds::split(&posture(&[0.2; 18]));
     let mut bipeds = Bipeds::new(&robot, 0.5).expect("a valid share");
     let stretch = [0.0, 0.0, 0.0, 5.0, 9.0, -7.0];

@@ -35,7 +35,7 @@ fn vector(x: &[f64]) -> DVector<f64> {
 /// A state of the whole robot on the diagonal gait's surface, with its closed-loop solution for
 /// joints that do not accelerate relative to what keeps the toes' distance.
 fn closed_loop_at_rest(robot: &Robot, bipeds: &mut Bipeds) -> ([f64; 12], ClosedLoop, Pairing) {
-    let pairing = Pairing::diagonal(robot.mirror.joint_sign);
+    let pairing = Pairing::diagonal(robot.mirror.sign);
     let (q_f, _) = Bipeds::split(&posture(&std::array::from_fn(|i| 0.4 * (i as f64).sin())));
     let solution = bipeds
         .closed_loop(Side::Front, &pairing, &q_f, &[0.0; 12], &[0.0; 6], &[1, 2])
@@ -107,10 +107,10 @@ fn the_sum_of_the_torso_rows_does_not_replace_the_connection_in_the_pair() {
 #[test]
 fn a_diagonal_m_does_not_pair_diagonal_legs() {
     let robot = vision60();
-    let [roll, pitch, knee] = robot.mirror.joint_sign;
+    let [roll, pitch, knee] = robot.mirror.sign;
     let printed = Pairing::new([0, 1, 2, 3, 4, 5], [roll, pitch, knee, roll, pitch, knee], [0.0; 6])
         .expect("a signed permutation");
-    let correct = Pairing::diagonal(robot.mirror.joint_sign);
+    let correct = Pairing::diagonal(robot.mirror.sign);
     let q_f: [f64; 12] = std::array::from_fn(|i| if i < 6 { 0.0 } else { 0.3 + 0.1 * i as f64 });
     let mirrors = |pairing: &Pairing| {
         let q = pairing.recompose_position(&q_f);
@@ -186,7 +186,7 @@ proptest! {
     #[test]
     fn only_soft_touchdowns_keep_the_symmetry(x in numbers::<18>(), v in numbers::<12>()) {
         let robot = vision60();
-        let pairing = Pairing::diagonal(robot.mirror.joint_sign);
+        let pairing = Pairing::diagonal(robot.mirror.sign);
         let (q_f, _) = Bipeds::split(&posture(&x));
         let q = pairing.recompose_position(&q_f);
         let mut bipeds = Bipeds::new(&robot, 0.5).expect("a valid share");
@@ -228,7 +228,7 @@ fn the_rear_torques_are_not_the_front_ones() {
     let motion = whole.motion(&robot.model, &q, &[0.0; 18], &common::generalised(&u), &toes).expect("regular");
     let expected = pairing.recompose_rate(&solution.acceleration);
     assert!(relative_error(&motion.acceleration, &expected, 1.0) < 1e-9);
-    let [roll, pitch, knee] = robot.mirror.joint_sign;
+    let [roll, pitch, knee] = robot.mirror.sign;
     let (f, r) = (solution.torque, solution.follower_torque);
     // Were leg 1 to mirror leg 2 in its torques as in its angles, these would be equal.
     let mirrored = [roll * f[3], pitch * f[4], knee * f[5]];

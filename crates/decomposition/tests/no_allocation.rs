@@ -47,7 +47,7 @@ fn no_algorithm_allocates() {
     let q = posture(&[0.2; 18]);
     let (v, tau, u) = ([0.1; 18], [0.0; 18], [5.0; 12]);
     let toes = [1, 2].map(|leg: usize| robot.legs[leg].toe);
-    let pairing = Pairing::diagonal(robot.mirror.joint_sign);
+    let pairing = Pairing::diagonal(robot.mirror.sign);
     let (q_f, _) = Bipeds::split(&q);
     let count = allocations(|| {
         dynamics.motion(&robot.model, &q, &v, &tau, &toes).expect("regular");

@@ -24,9 +24,9 @@ pub use bezier::Coefficients;
 pub use certificate::Certificate;
 pub use error::GaitError;
 pub use file::{FILE_FORMAT, FILE_VERSION, FILE_VERSION_TWO_STEPS, MAX_FILE_BYTES};
-pub use joints::{JOINTS, JOINTS_PER_LEG, LEG_LABELS, LEG_NAMES, LEGS};
+pub use joints::{JOINTS, JOINTS_PER_LEG, LEG_LABELS, LEG_NAMES, LEGS, Mirror};
 pub use schedule::{Domain, StepSide};
-pub use types::{Gains, Gait, InitialState, Mirror, SecondStep, SolverSummary};
+pub use types::{Gains, Gait, InitialState, SecondStep, SolverSummary};
 pub use validate::MAX_NAME_CHARS;
 
 impl Gait {

@@ -1,7 +1,7 @@
 //! What a gait consists of: the one list of each type's fields. The gait's file (file.rs) is made from it, and the list of the
 //! message's fields (`msgs/src/gait_message.rs`) does not build without each of them.
 
-use crate::{Certificate, Coefficients, JOINTS, JOINTS_PER_LEG, LEGS};
+use crate::{Certificate, Coefficients, JOINTS, Mirror};
 
 /// Defines a type and its file, which holds `format`, `version` and then the type's fields in their order.
 macro_rules! gait_type {
@@ -84,32 +84,6 @@ pub struct Gains {
     pub kp: [f64; JOINTS],
     /// Velocity gains, N m s / rad.
     pub kd: [f64; JOINTS],
-}
-
-/// The left–right mirror: joint k of leg i in the next step is `sign[k]` times joint k of leg `leg[i]` in this one.
-#[derive(Clone, Copy, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
-#[serde(deny_unknown_fields)]
-pub struct Mirror {
-    /// For each leg, the leg it is mirrored from.
-    pub leg: [usize; LEGS],
-    /// Sign of hip roll, hip pitch, knee.
-    pub sign: [f64; JOINTS_PER_LEG],
-}
-
-impl Mirror {
-    /// The mirrored joint vector.
-    pub fn apply(&self, joints: &[f64; JOINTS]) -> [f64; JOINTS] {
-        std::array::from_fn(|row| {
-            let (from, sign) = self.source(row);
-            sign * joints[from]
-        })
-    }
-
-    /// For joint `row`: the joint it is mirrored from and the sign.
-    pub fn source(&self, row: usize) -> (usize, f64) {
-        let (leg, joint) = (row / JOINTS_PER_LEG, row % JOINTS_PER_LEG);
-        (self.leg[leg] * JOINTS_PER_LEG + joint, self.sign[joint])
-    }
 }
 
 /// State of the robot at the start of the first step.

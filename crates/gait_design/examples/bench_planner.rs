@@ -156,7 +156,7 @@ fn random() -> impl FnMut() -> f64 {
 fn parts(robot: &Robot) {
     let request = GaitRequest::named("amble", robot).expect("a behaviour's own name");
     let new_program = || {
-        let bipeds = BipedPair::new(robot, Pairing::diagonal(robot.mirror.joint_sign)).expect("the Vision 60 splits");
+        let bipeds = BipedPair::new(robot, Pairing::diagonal(robot.mirror.sign)).expect("the Vision 60 splits");
         DecomposedProgram::new(robot, bipeds, &request, ProgramSettings::default())
     };
     let microseconds = |part: &mut dyn FnMut()| {

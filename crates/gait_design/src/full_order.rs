@@ -333,20 +333,11 @@ impl FullOrderProgram {
     /// What follows coordinate `i` of the end of `step`: which coordinate of which point, and with which sign.
     fn next(&self, step: usize, i: usize) -> (usize, usize, f64) {
         if self.layout.steps == 1 {
-            let (from, sign) = self.mirror(i);
+            let (from, sign) = self.robot.mirror.coordinate_source(i);
             (0, from, sign)
         } else {
             ((step + 1) % self.layout.steps * self.layout.points, i, 1.0)
         }
-    }
-
-    /// Coordinate `i` of the mirrored robot: from which coordinate and with which sign.
-    fn mirror(&self, i: usize) -> (usize, f64) {
-        if i < 6 {
-            return (i, robot::Mirror::BASE_SIGN[i]);
-        }
-        let (leg, joint) = ((i - 6) / 3, (i - 6) % 3);
-        (6 + 3 * self.robot.mirror.leg[leg] + joint, self.robot.mirror.joint_sign[joint])
     }
 
     fn objective(&self, x: &[f64]) -> f64 {

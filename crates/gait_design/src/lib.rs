@@ -208,7 +208,7 @@ fn program_with_offset(
     settings: ProgramSettings,
     rear_offset_rad: [f64; 6],
 ) -> Result<DecomposedProgram, PlanError> {
-    let pairing = Pairing::diagonal(robot.mirror.joint_sign).with_offset_rad(rear_offset_rad);
+    let pairing = Pairing::diagonal(robot.mirror.sign).with_offset_rad(rear_offset_rad);
     let bipeds = BipedPair::new(robot, pairing)?;
     Ok(DecomposedProgram::new(robot, bipeds, request, settings))
 }

@@ -584,7 +584,9 @@ fn continued(solved: &[Option<(f64, Vec<f64>)>; 2], at: f64) -> Option<Vec<f64>>
 
 fn description_crc32(robot: &Robot) -> u32 {
     let Robot { urdf, legs, toe_radius_m, mirror, nominal, gains, limits, .. } = robot;
-    crc32fast::hash(format!("{urdf}{legs:?}{toe_radius_m}{mirror:?}{nominal:?}{gains:?}{limits:?}").as_bytes())
+    // Written as it was when the first libraries were: they stay readable.
+    let mirror = format!("Mirror {{ leg: {:?}, joint_sign: {:?} }}", mirror.leg, mirror.sign);
+    crc32fast::hash(format!("{urdf}{legs:?}{toe_radius_m}{mirror}{nominal:?}{gains:?}{limits:?}").as_bytes())
 }
 
 fn checked_line(value: &impl Serialize) -> String {

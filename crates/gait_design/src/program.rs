@@ -118,16 +118,13 @@ const BASE: [&str; 6] = ["x", "y", "z", "roll", "pitch", "yaw"];
 /// The output (stance hip roll of leg 2) whose ÿ row the fixed distance of the stance toes makes redundant.
 pub(crate) const STANCE_ROLL: usize = 3;
 
-/// Sign of x, y, z, roll, pitch, yaw under the left–right mirror.
-pub(crate) const BASE_MIRROR: [f64; 6] = [1.0, -1.0, 1.0, -1.0, 1.0, -1.0];
-
 /// The program of one request on one robot.
 pub struct DecomposedProgram {
     bipeds: BipedPair,
     settings: ProgramSettings,
     speed_m_s: f64,
     friction_face: f64,
-    mirror_sign: [f64; 3],
+    mirror: robot::Mirror,
     toe_distance_squared: [f64; 2],
     bounds: Bounds,
     jacobian: Pattern,
@@ -168,7 +165,7 @@ impl DecomposedProgram {
         let mut program = Self {
             speed_m_s: 0.0,
             friction_face: 0.0,
-            mirror_sign: robot.mirror.joint_sign,
+            mirror: robot.mirror,
             toe_distance_squared: [0.0; 2],
             bounds: Bounds {
                 variable_lower: Vec::new(),
@@ -482,11 +479,7 @@ impl DecomposedProgram {
 
     /// Coordinate `i` of the front biped in the next step, mirrored back to this one's: which coordinate and which sign.
     pub(crate) fn mirror(&self, i: usize) -> (usize, f64) {
-        match i {
-            0..6 => (i, BASE_MIRROR[i]),
-            6..9 => (i + 3, self.mirror_sign[i - 6]),
-            _ => (i - 3, self.mirror_sign[i - 9]),
-        }
+        self.mirror.biped_coordinate_source(i)
     }
 
     /// Derivatives at the point of the last call of [`Self::constraints`] with derivatives evaluated.

@@ -3,7 +3,7 @@
 use crate::PlanError;
 use crate::program::{DOF, DecomposedProgram, layout as at};
 use crate::request::GaitRequest;
-use gait::{Coefficients, Gains, Gait, InitialState, JOINTS, Mirror, SolverSummary, bezier};
+use gait::{Coefficients, Gains, Gait, InitialState, JOINTS, SolverSummary, bezier};
 use nalgebra::{DMatrix, Rotation3, UnitQuaternion, Vector3};
 use rigid_body::{Data, rnea};
 use robot::Robot;
@@ -147,7 +147,7 @@ pub(crate) fn gait(
         step_length_m: request.speed_m_s * t,
         bezier_degree: bezier::DEGREE,
         coefficients_rad,
-        mirror: Mirror { leg: robot.mirror.leg, sign: robot.mirror.joint_sign },
+        mirror: robot.mirror,
         second_step,
         initial: InitialState {
             // The plan's floor is the toe centres' plane, one toe radius above the real one.

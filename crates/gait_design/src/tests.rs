@@ -27,7 +27,7 @@ fn the_jacobian_agrees_with_central_differences_everywhere() {
     let request = GaitRequest::named("amble", &robot).unwrap();
     let mut program = DecomposedProgram::new(
         &robot,
-        BipedPair::new(&robot, Pairing::diagonal(robot.mirror.joint_sign)).unwrap(),
+        BipedPair::new(&robot, Pairing::diagonal(robot.mirror.sign)).unwrap(),
         &request,
         ProgramSettings::default(),
     );
@@ -153,7 +153,8 @@ fn the_compensated_reference_makes_the_bare_law_give_the_planned_torque() {
     for point in &plan.points {
         let (position, velocity) = gait.reference(gait::StepSide::First, point.phase);
         for j in 0..12 {
-            let law = gait.gains.kp[j] * (position[j] - point.q[6 + j]) + gait.gains.kd[j] * (velocity[j] - point.v[6 + j]);
+            let law =
+                gait.gains.kp[j] * (position[j] - point.q[6 + j]) + gait.gains.kd[j] * (velocity[j] - point.v[6 + j]);
             let error = (law - point.torque_nm[j]).abs();
             assert!(
                 error < 1.0,
@@ -248,7 +249,7 @@ fn every_subproblem_solver_walks_the_same_path_to_the_same_optimum() {
         let request = GaitRequest::named(name, &robot).unwrap();
         let mut program = DecomposedProgram::new(
             &robot,
-            BipedPair::new(&robot, Pairing::diagonal(robot.mirror.joint_sign)).unwrap(),
+            BipedPair::new(&robot, Pairing::diagonal(robot.mirror.sign)).unwrap(),
             &request,
             ProgramSettings::default(),
         );
@@ -372,7 +373,8 @@ fn a_reference_planned_in_the_program_gives_the_planned_torques_by_the_bare_law(
     for point in &plan.points {
         let (position, velocity) = gait.reference(gait::StepSide::First, point.phase);
         for j in 0..12 {
-            let law = gait.gains.kp[j] * (position[j] - point.q[6 + j]) + gait.gains.kd[j] * (velocity[j] - point.v[6 + j]);
+            let law =
+                gait.gains.kp[j] * (position[j] - point.q[6 + j]) + gait.gains.kd[j] * (velocity[j] - point.v[6 + j]);
             assert!(
                 (law - point.torque_nm[j]).abs() < 0.05,
                 "joint {j} at {}: {law}, planned {}",

@@ -91,7 +91,9 @@ pub fn simulate_planned_step(
             }
             StepLaw::Tracking => {
                 let (position, velocity) = gait.reference(side, (time / t).clamp(0.0, 1.0));
-                std::array::from_fn(|j| gait.gains.kp[j] * (position[j] - q[6 + j]) + gait.gains.kd[j] * (velocity[j] - v[6 + j]))
+                std::array::from_fn(|j| {
+                    gait.gains.kp[j] * (position[j] - q[6 + j]) + gait.gains.kd[j] * (velocity[j] - v[6 + j])
+                })
             }
         }
     };

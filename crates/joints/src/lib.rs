@@ -5,6 +5,7 @@
 //! - [`JointCommand`]: what the drives are to do, with the law that every drive evaluates.
 //! - [`CommandRange`]: the largest numbers that such commands carry.
 //! - [`Fault`], [`FaultSet`], [`FaultReport`]: what went wrong, by name.
+//! - [`Mirror`]: the left–right symmetry.
 //! - [`resolution`]: how finely states are taken and commands are sent.
 //!
 //! Legs are 0 front-left, 1 rear-left, 2 front-right, 3 rear-right; joints 12-vectors in the order leg × (hip roll, hip
@@ -15,6 +16,7 @@
 pub mod bits;
 mod command;
 mod fault;
+mod mirror;
 pub mod resolution;
 mod state;
 
@@ -31,4 +33,5 @@ pub const LEG_LABELS: [&str; LEGS] = ["front left", "rear left", "front right", 
 
 pub use command::{CommandRange, JointCommand};
 pub use fault::{Fault, FaultReport, FaultSet, Severity};
+pub use mirror::{Mirror, mirrored_vector};
 pub use state::JointState;

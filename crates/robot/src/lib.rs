@@ -25,6 +25,7 @@ use rigid_body::{Data, Description, FrameId, Model, forward_kinematics, frame_po
 
 pub use error::RobotError;
 pub use folder::{DEFAULT_FOLDER, FOLDER_TEXT, NotFound, find};
+pub use joints::{Mirror, mirrored_vector};
 pub use leg_kinematics::{LegKinematics, LegSolution, ToeKinematics};
 pub use propose::{Proposal, propose};
 
@@ -76,38 +77,6 @@ pub struct Leg {
     pub stand_rad: [f64; 3],
     /// Joint positions sitting on the floor, rad.
     pub sit_rad: [f64; 3],
-}
-
-/// The left–right symmetry: leg i of the mirrored robot is leg `leg[i]`, joint k times
-/// `joint_sign[k]`. Under it y, roll and yaw of the torso change sign.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Mirror {
-    /// Which leg takes each leg's place.
-    pub leg: [usize; 4],
-    /// Sign of each joint of a leg under the mirror.
-    pub joint_sign: [f64; 3],
-}
-
-impl Mirror {
-    /// Signs of the torso's coordinates x, y, z, roll, pitch, yaw under the mirror.
-    pub const BASE_SIGN: [f64; 6] = [1.0, -1.0, 1.0, -1.0, 1.0, -1.0];
-
-    /// Joint positions, velocities or torques of the mirrored robot.
-    pub fn joints(&self, joints: &[f64; 12]) -> [f64; 12] {
-        std::array::from_fn(|i| self.joint_sign[i % 3] * joints[self.leg[i / 3] * 3 + i % 3])
-    }
-
-    /// Coordinates or velocities (18) of the mirrored robot.
-    pub fn coordinates(&self, q: &[f64; 18]) -> [f64; 18] {
-        std::array::from_fn(|i| {
-            if i < 6 {
-                Self::BASE_SIGN[i] * q[i]
-            } else {
-                let (leg, joint) = ((i - 6) / 3, (i - 6) % 3);
-                self.joint_sign[joint] * q[6 + self.leg[leg] * 3 + joint]
-            }
-        })
-    }
 }
 
 /// The posture that gaits are designed about.

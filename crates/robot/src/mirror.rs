@@ -1,9 +1,10 @@
 //! Checks that the two sides of the robot are mirror images.
 
+use joints::mirrored_vector;
 use nalgebra::{Matrix3, Vector3};
 use rigid_body::{Data, Model, crba, forward_kinematics, frame_position, frame_rotation};
 
-use crate::{Mirror, Robot, RobotError};
+use crate::{Robot, RobotError};
 
 /// Postures to compare at: joint angles with nothing special about them.
 const POSTURES: [[f64; 12]; 3] = [
@@ -49,18 +50,13 @@ fn coordinates(posture: [f64; 12]) -> [f64; 18] {
     q
 }
 
-/// The coordinate that takes the place of `dof` in the mirrored robot.
-fn image_dof(mirror: &Mirror, dof: usize) -> usize {
-    if dof < 6 { dof } else { 6 + mirror.leg[(dof - 6) / 3] * 3 + (dof - 6) % 3 }
-}
-
 fn check_links(robot: &Robot, posture: [f64; 12], tolerance: f64) -> Result<(), RobotError> {
     let model = &robot.model;
     let (mut here, mut there) = (Data::new(model), Data::new(model));
     let (q, zero) = (coordinates(posture), [0.0; 18]);
     forward_kinematics(model, &mut here, &q, &zero, &zero);
     forward_kinematics(model, &mut there, &robot.mirror.coordinates(&q), &zero, &zero);
-    let flip = Matrix3::from_diagonal(&Vector3::new(1.0, -1.0, 1.0));
+    let flip = Matrix3::from_diagonal(&Vector3::from(mirrored_vector([1.0; 3])));
     let fail = |what, link: &str, image: &str, found: String, expected: String| {
         let (link, image) = (link.to_owned(), image.to_owned());
         Err(RobotError::Mirror { what, link, image, found, expected, tolerance })
@@ -68,7 +64,7 @@ fn check_links(robot: &Robot, posture: [f64; 12], tolerance: f64) -> Result<(), 
     let size = (0..4).map(|i| frame_position(model, &here, robot.legs[i].toe).norm()).fold(0.1, f64::max);
     // The torso's body is moved by roll, coordinate 3; the other five of the base move no mass.
     for dof in std::iter::once(3).chain(6..18) {
-        let image = image_dof(&robot.mirror, dof);
+        let image = robot.mirror.coordinate_source(dof).0;
         let (a, b) = (look(model, &here, dof), look(model, &there, image));
         let (link, other) = (model.link_name(dof), model.link_name(image));
         if (a.mass - b.mass).abs() > tolerance * a.mass {
@@ -105,16 +101,17 @@ fn check_mass_matrix(robot: &Robot, posture: [f64; 12], tolerance: f64) -> Resul
     let scale = mass.amax();
     for row in 0..18 {
         for column in 0..18 {
-            let sign = coordinate_sign(mirror, row) * coordinate_sign(mirror, column);
-            let image = (image_dof(mirror, row), image_dof(mirror, column));
-            let (found, expected) = (mass[(row, column)], sign * mirrored[image]);
+            let ((image_row, row_sign), (image_column, column_sign)) =
+                (mirror.coordinate_source(row), mirror.coordinate_source(column));
+            let expected = row_sign * column_sign * mirrored[(image_row, image_column)];
+            let found = mass[(row, column)];
             if (found - expected).abs() > tolerance * scale {
                 // The joint lower in the tree is the one that moves otherwise than its image.
                 let dof = row.max(column);
                 return Err(RobotError::Mirror {
                     what: "mass matrix (an entry)",
                     link: model.link_name(dof).to_owned(),
-                    image: model.link_name(image_dof(mirror, dof)).to_owned(),
+                    image: model.link_name(mirror.coordinate_source(dof).0).to_owned(),
                     found: found.to_string(),
                     expected: expected.to_string(),
                     tolerance,
@@ -123,10 +120,6 @@ fn check_mass_matrix(robot: &Robot, posture: [f64; 12], tolerance: f64) -> Resul
         }
     }
     Ok(())
-}
-
-fn coordinate_sign(mirror: &Mirror, dof: usize) -> f64 {
-    if dof < 6 { Mirror::BASE_SIGN[dof] } else { mirror.joint_sign[(dof - 6) % 3] }
 }
 
 fn show(v: &Vector3<f64>) -> String {

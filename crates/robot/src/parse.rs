@@ -179,7 +179,7 @@ pub(crate) fn robot(toml: &str, urdf: &str) -> Result<Robot, RobotError> {
     notes.extend(other_radius(toe_radius_m, &legs, &model, &description));
     let mirror = Mirror {
         leg: mirror_legs(&file.mirror.leg)?,
-        joint_sign: triple("mirror.joint_sign", &file.mirror.joint_sign, |x| x.abs() == 1.0, "±1")?,
+        sign: triple("mirror.joint_sign", &file.mirror.joint_sign, |x| x.abs() == 1.0, "±1")?,
     };
     let positive = |field: &str, values: &[f64]| triple(field, values, |x| x > 0.0, "a positive number");
     let mut limits = Limits {

@@ -1,5 +1,6 @@
 //! How the rear legs' joints are those of the front legs across.
 
+use joints::mirrored_vector;
 use nalgebra::Vector3;
 
 use crate::{Robot, RobotError};
@@ -29,16 +30,11 @@ pub(crate) fn offset_rad(robot: &Robot) -> Result<[f64; 6], RobotError> {
     Ok(offset)
 }
 
-/// The front leg's angles as the leg across has them.
-fn image(robot: &Robot, joints_rad: &[f64; 3]) -> [f64; 3] {
-    std::array::from_fn(|k| robot.mirror.joint_sign[k] * joints_rad[k])
-}
-
 /// None where the same angles put the toe at the same height; else what brings one standing posture to the other:
 /// shanks that are bent, for example, to the back in front and to the front behind.
 fn leg_offset(robot: &Robot, rear: usize, front: usize) -> [f64; 3] {
     let stand = robot.legs[front].stand_rad;
-    let as_front = image(robot, &stand);
+    let as_front = robot.mirror.leg_image(&stand);
     let higher_m = robot.toe_from_hip(rear, &as_front).z - robot.toe_from_hip(front, &stand).z;
     let offset: [f64; 3] = std::array::from_fn(|k| robot.legs[rear].stand_rad[k] - as_front[k]);
     let same_side = offset.iter().all(|angle| angle.abs() <= SAME_SIDE_RAD);
@@ -52,11 +48,11 @@ fn check_motion(robot: &Robot, rear: usize, front: usize, offset: [f64; 3]) -> R
             robot.toe_from_hip(leg, &to) - robot.toe_from_hip(leg, &from)
         };
         let of_rear = |joints: [f64; 3]| {
-            let joints = image(robot, &joints);
+            let joints = robot.mirror.leg_image(&joints);
             std::array::from_fn(|k| joints[k] + offset[k])
         };
         let turned: [f64; 3] = std::array::from_fn(|k| stand[k] + turn[k]);
-        let flip = Vector3::new(1.0, -1.0, 1.0);
+        let flip = Vector3::from(mirrored_vector([1.0; 3]));
         (way(front, stand, turned), way(rear, of_rear(stand), of_rear(turned)).component_mul(&flip))
     };
     for (joint, sign) in [(1, 1.0), (1, -1.0), (2, 1.0), (2, -1.0)] {
@@ -86,7 +82,8 @@ fn check_motion(robot: &Robot, rear: usize, front: usize, offset: [f64; 3]) -> R
 
 fn check_limits(robot: &Robot, rear: usize, front: usize, offset: [f64; 3]) -> Result<(), RobotError> {
     let (of_rear, of_front) = (&robot.legs[rear], &robot.legs[front]);
-    let (low, high) = (image(robot, &of_front.position_min_rad), image(robot, &of_front.position_max_rad));
+    let (low, high) =
+        (robot.mirror.leg_image(&of_front.position_min_rad), robot.mirror.leg_image(&of_front.position_max_rad));
     for k in 0..3 {
         let (low, high) = (low[k].min(high[k]) + offset[k], low[k].max(high[k]) + offset[k]);
         let (own_low, own_high) = (of_rear.position_min_rad[k], of_rear.position_max_rad[k]);

@@ -9,7 +9,7 @@ use crate::{PlanOptions, Planner, SubproblemSolver, on_slope};
 use gait::{JOINTS, bezier};
 use nalgebra::{DMatrix, Vector3};
 use rigid_body::{Data, point_kinematics, rnea};
-use robot::Robot;
+use robot::{Robot, mirrored_vector};
 use std::ops::ControlFlow;
 
 /// The decomposed program's own guess. `robot` is on the slope.
@@ -151,7 +151,7 @@ impl FullOrderProgram {
         }
         for k in 0..COEFFICIENTS {
             for i in 6..DOF {
-                let (from, sign) = self.mirror(i);
+                let (from, sign) = self.robot.mirror.coordinate_source(i);
                 x[layout.alpha(1, k, i - 6)] = sign * x[layout.alpha(0, k, from - 6)];
             }
         }
@@ -161,7 +161,7 @@ impl FullOrderProgram {
                 x[layout.point(p)..layout.point(p + 1)].try_into().expect("a point's unknowns");
             let second = &mut x[layout.point(layout.points + p)..layout.point(layout.points + p + 1)];
             for i in 0..DOF {
-                let (from, sign) = self.mirror(i);
+                let (from, sign) = self.robot.mirror.coordinate_source(i);
                 for block in [at::Q, at::V, at::A] {
                     second[block + i] = sign * first[block + from];
                 }
@@ -171,7 +171,7 @@ impl FullOrderProgram {
             }
             second[at::Q] += length_m;
             for toe in [0, 3] {
-                for (axis, sign) in [1.0, -1.0, 1.0].into_iter().enumerate() {
+                for (axis, sign) in mirrored_vector([1.0; 3]).into_iter().enumerate() {
                     second[at::LAMBDA + toe + axis] = sign * first[at::LAMBDA + toe + axis];
                 }
             }
