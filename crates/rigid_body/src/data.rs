@@ -1,34 +1,10 @@
+//! The workspace of every algorithm.
+
 use nalgebra::{DMatrix, DVector, Matrix3, Matrix3xX, Vector3};
 
+use crate::body::{ArticulatedBody, Body};
 use crate::limbs::{LimbWork, with_limbs};
 use crate::model::Model;
-use crate::spatial::{Composite, Force, Motion};
-
-/// What the recursions know of one joint and its body. World axes, about the reference point.
-#[derive(Debug, Clone)]
-pub(crate) struct Body {
-    /// Body axes to world axes.
-    pub rotation: Matrix3<f64>,
-    /// The body's origin from the reference point.
-    pub position: Vector3<f64>,
-    /// S: the motion of the body for a unit joint rate.
-    pub axis: Motion,
-    /// v of the body.
-    pub velocity: Motion,
-    /// Spatial acceleration of the body, gravity not included.
-    pub acceleration: Motion,
-    /// Ṡ = v_parent × S.
-    pub axis_rate: Motion,
-    /// S̈-like term (a_parent − g) × S + v_parent × Ṡ, with gravity included.
-    pub axis_rate_2: Motion,
-    /// I a + v ×* I v − I g, of the body, then of its subtree.
-    pub force: Force,
-    /// Inertia of the body, then of its subtree.
-    pub composite: Composite,
-    /// Σ m ṗ pᵀ and Σ m ṗ of the body, then of its subtree.
-    pub moment_rate: Matrix3<f64>,
-    pub momentum: Vector3<f64>,
-}
 
 /// Where the last forward pass left its results.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -53,7 +29,7 @@ pub struct Data {
     pub(crate) drive: Vec<f64>,
     /// The reference point in the world.
     pub(crate) origin: Vector3<f64>,
-    pub(crate) articulated: Vec<crate::forward::Articulated>,
+    pub(crate) articulated: Vec<ArticulatedBody>,
     /// Generalised forces, dof; written by `rnea`, `bias_forces` and `rnea_derivatives`.
     pub tau: DVector<f64>,
     /// Generalised accelerations, dof; written by `aba`.
@@ -91,27 +67,14 @@ impl Data {
     /// All the memory that the algorithms need for this model.
     pub fn new(model: &Model) -> Self {
         let n = model.dof();
-        let body = Body {
-            rotation: Matrix3::identity(),
-            position: Vector3::zeros(),
-            axis: Motion::ZERO,
-            velocity: Motion::ZERO,
-            acceleration: Motion::ZERO,
-            axis_rate: Motion::ZERO,
-            axis_rate_2: Motion::ZERO,
-            force: Force::ZERO,
-            composite: Composite::ZERO,
-            moment_rate: Matrix3::zeros(),
-            momentum: Vector3::zeros(),
-        };
         Self {
-            bodies: vec![body; n],
+            bodies: vec![Body::ZERO; n],
             limbs: model.limbs.as_ref().map(LimbWork::new),
             pass: Pass::Tree,
             zero: vec![0.0; n],
             drive: vec![0.0; n],
             origin: Vector3::zeros(),
-            articulated: vec![Default::default(); n],
+            articulated: vec![ArticulatedBody::ZERO; n],
             tau: DVector::zeros(n),
             acceleration: DVector::zeros(n),
             mass_matrix: DMatrix::zeros(n, n),

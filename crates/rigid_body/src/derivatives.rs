@@ -112,7 +112,7 @@ fn tree_derivatives(model: &Model, data: &mut Data, q: &[f64], v: &[f64], a: &[f
         if let Some(parent) = joint.parent {
             let parent = &mut above[parent];
             parent.force += body.force;
-            parent.composite.add(&body.composite);
+            parent.composite = parent.composite.plus(&body.composite);
             parent.moment_rate += body.moment_rate;
             parent.momentum += body.momentum;
         }

@@ -3,11 +3,13 @@
 use nalgebra::{DMatrix, DVector, Matrix3, Vector3};
 
 use crate::PointForce;
-use crate::data::{Body, Data};
+use crate::body::Body;
+use crate::data::Data;
+use crate::joint::Joint;
 use crate::kinematics::{ACCELERATION, POSITION, for_each_above, forward_pass, limb_pass};
 use crate::limbs::with_limbs;
-use crate::model::{Joint, Model};
-use crate::spatial::{Composite, Force};
+use crate::model::Model;
+use crate::spatial::{self, BodyInertia, Composite, Force};
 
 /// Inverse dynamics by the recursive Newton–Euler algorithm (Featherstone, section 5.3):
 /// τ = M(q) a + h(q, v) − Σ J_kᵀ f_k, dof entries, N and N m.
@@ -76,15 +78,8 @@ pub(crate) fn inertial_force(joint: &Joint, body: &Body, gravity: &Vector3<f64>)
     if inertia.mass_kg == 0.0 {
         return Force::ZERO;
     }
-    let c = body.position + body.rotation * inertia.center_m;
-    let spin = &body.velocity.angular;
-    let acceleration = body.acceleration.at(&c) + spin.cross(&body.velocity.at(&c)) - gravity;
-    let force = acceleration * inertia.mass_kg;
-    // The rotational inertia is constant in the body's own axes.
-    let w = body.rotation.tr_mul(spin);
-    let turning = inertia.rotational_kg_m2 * body.rotation.tr_mul(&body.acceleration.angular)
-        + w.cross(&(inertia.rotational_kg_m2 * w));
-    Force { moment: body.rotation * turning + c.cross(&force), force }
+    let own = BodyInertia { mass: inertia.mass_kg, center: &inertia.center_m, rotational: &inertia.rotational_kg_m2 };
+    spatial::inertial_force(own, (&body.rotation, &body.position), &body.velocity, &body.acceleration, gravity)
 }
 
 /// The inertia of one body about the reference point, in world axes.
@@ -134,7 +129,7 @@ pub fn crba<'d>(model: &Model, data: &'d mut Data, q: &[f64]) -> &'d DMatrix<f64
             next = model.joints[j].parent;
         }
         if let Some(parent) = joint.parent {
-            above[parent].composite.add(&body.composite);
+            above[parent].composite = above[parent].composite.plus(&body.composite);
         }
     }
     mass_matrix

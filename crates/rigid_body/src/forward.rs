@@ -8,46 +8,7 @@ use crate::dynamics::world_inertia;
 use crate::kinematics::{VELOCITY, for_each_above, forward_pass, limb_pass};
 use crate::limbs::with_limbs;
 use crate::model::Model;
-use crate::spatial::{Force, Motion};
-
-/// Articulated inertia [[rotational, coupling], [couplingᵀ, translational]] and bias force of a body.
-#[derive(Debug, Clone)]
-pub(crate) struct Articulated {
-    rotational: Matrix3<f64>,
-    coupling: Matrix3<f64>,
-    translational: Matrix3<f64>,
-    bias: Force,
-    /// U = I S.
-    reaction: Force,
-    /// 1 / Sᵀ U.
-    inverse: f64,
-    /// τ − Sᵀ bias.
-    drive: f64,
-}
-
-impl Default for Articulated {
-    fn default() -> Self {
-        Self {
-            rotational: Matrix3::zeros(),
-            coupling: Matrix3::zeros(),
-            translational: Matrix3::zeros(),
-            bias: Force::ZERO,
-            reaction: Force::ZERO,
-            inverse: 0.0,
-            drive: 0.0,
-        }
-    }
-}
-
-impl Articulated {
-    #[inline(always)]
-    fn times(&self, u: &Motion) -> Force {
-        Force {
-            moment: self.rotational * u.angular + self.coupling * u.linear,
-            force: self.coupling.tr_mul(&u.angular) + self.translational * u.linear,
-        }
-    }
-}
+use crate::spatial::Motion;
 
 /// Forward dynamics by the articulated-body algorithm (Featherstone, section 7.3): the a that solves
 /// M(q) a + h(q, v) = τ + Σ J_kᵀ f_k, dof entries. Not finite where M is singular: a floating base at a pitch of ±90°.
@@ -86,43 +47,43 @@ pub fn aba<'d>(
 
     for ((joint, body), art) in model.joints.iter().zip(bodies.iter_mut()).zip(&mut *articulated) {
         let inertia = world_inertia(joint, body);
-        art.rotational = Matrix3::identity() * inertia.second.trace() - inertia.second;
-        art.coupling = inertia.first.cross_matrix();
-        art.translational = Matrix3::identity() * inertia.mass;
-        art.bias = body.velocity.cross_force(&inertia.times(&body.velocity));
-        art.bias.moment -= inertia.first.cross(&model.gravity);
-        art.bias.force -= model.gravity * inertia.mass;
+        art.inertia.rotational = Matrix3::identity() * inertia.second.trace() - inertia.second;
+        art.inertia.coupling = inertia.first.cross_matrix();
+        art.inertia.translational = Matrix3::identity() * inertia.mass;
+        art.inertia.bias = body.velocity.cross_force(&inertia.times(&body.velocity));
+        art.inertia.bias.moment -= inertia.first.cross(&model.gravity);
+        art.inertia.bias.force -= model.gravity * inertia.mass;
     }
     for (frame, force) in forces {
         let (place, frame) = model.body_of(*frame);
         let body = &bodies[place];
         let p = body.position + body.rotation * frame.translation;
-        articulated[place].bias.moment -= p.cross(force);
-        articulated[place].bias.force -= force;
+        articulated[place].inertia.bias.moment -= p.cross(force);
+        articulated[place].inertia.bias.force -= force;
     }
     for (i, joint) in model.joints.iter().enumerate().rev() {
         let (above, rest) = articulated.split_at_mut(i);
         let (art, body) = (&mut rest[0], &bodies[i]);
-        art.reaction = art.times(&body.axis);
+        art.reaction = art.inertia.times(&body.axis);
         art.inverse = 1.0 / body.axis.dot(&art.reaction);
-        art.drive = tau[joint.dof] - body.axis.dot(&art.bias);
+        art.drive = tau[joint.dof] - body.axis.dot(&art.inertia.bias);
         let Some(parent) = joint.parent else { continue };
         let up = &mut above[parent];
         let (moment, force) = (&art.reaction.moment, &art.reaction.force);
         let scaled_moment = moment * art.inverse;
         let scaled_force = force * art.inverse;
-        art.rotational -= scaled_moment * moment.transpose();
-        art.coupling -= scaled_moment * force.transpose();
-        art.translational -= scaled_force * force.transpose();
-        up.rotational += art.rotational;
-        up.coupling += art.coupling;
-        up.translational += art.translational;
+        art.inertia.rotational -= scaled_moment * moment.transpose();
+        art.inertia.coupling -= scaled_moment * force.transpose();
+        art.inertia.translational -= scaled_force * force.transpose();
+        up.inertia.rotational += art.inertia.rotational;
+        up.inertia.coupling += art.inertia.coupling;
+        up.inertia.translational += art.inertia.translational;
         let mut drift = Motion::ZERO;
         drift.add_scaled(&body.axis_rate, v[joint.dof]);
-        let carried = art.times(&drift);
-        up.bias += art.bias + carried;
-        up.bias.moment += scaled_moment * art.drive;
-        up.bias.force += scaled_force * art.drive;
+        let carried = art.inertia.times(&drift);
+        up.inertia.bias += art.inertia.bias + carried;
+        up.inertia.bias.moment += scaled_moment * art.drive;
+        up.inertia.bias.force += scaled_force * art.drive;
     }
     for (i, joint) in model.joints.iter().enumerate() {
         let (above, rest) = bodies.split_at_mut(i);

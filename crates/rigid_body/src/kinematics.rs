@@ -2,9 +2,11 @@
 
 use nalgebra::{Matrix3, Vector3};
 
-use crate::data::{Body, Data, Pass, PointKinematics};
+use crate::body::Body;
+use crate::data::{Data, Pass, PointKinematics};
+use crate::joint::{FrameId, JointKind};
 use crate::limbs::with_limbs;
-use crate::model::{FrameId, JointKind, Model};
+use crate::model::Model;
 use crate::spatial::Motion;
 
 /// How far the forward pass goes.

@@ -32,17 +32,21 @@
 //! inverse dynamics, Singh, Russell and Wensing, *Efficient Analytical Derivatives of Rigid-Body
 //! Dynamics using Spatial Vector Algebra* (2022).
 
+mod body;
 mod data;
 mod derivatives;
 mod description;
 mod dynamics;
 mod error;
 mod forward;
+mod inertia;
+mod joint;
 mod kinematics;
 mod lanes;
 mod limbs;
 mod model;
 mod shape;
+mod space;
 mod spatial;
 mod urdf;
 
@@ -52,13 +56,14 @@ pub use description::Description;
 pub use dynamics::{bias_forces, crba, rnea};
 pub use error::ModelError;
 pub use forward::aba;
+pub use inertia::Inertia;
+pub use joint::{FrameId, JointKind};
 pub use kinematics::{
     CenterOfMass, center_of_mass, forward_kinematics, frame_position, frame_rotation, kinetic_energy,
     last_point_kinematics, last_point_kinematics_derivatives, point_kinematics, point_kinematics_derivatives,
     potential_energy,
 };
-pub use model::{FrameId, JointKind, Model};
-pub use spatial::Inertia;
+pub use model::Model;
 
 /// A force of constant direction in world axes, in newtons, that acts at a frame's origin.
 pub type PointForce = (FrameId, nalgebra::Vector3<f64>);

@@ -6,8 +6,9 @@ use nalgebra::{Matrix3, Rotation3, Vector3};
 
 use crate::description::Description;
 use crate::error::ModelError;
-use crate::model::{BASE_JOINTS, Frame, Joint, JointKind, Model};
-use crate::spatial::Inertia;
+use crate::joint::{BASE_JOINTS, Frame, Joint, JointKind};
+use crate::model::Model;
+use crate::inertia::Inertia;
 
 impl Model {
     /// A robot that floats: six coordinates of its root link, then one for each movable joint in the
