@@ -1,11 +1,12 @@
-//! How the message carries a gait's values: ROS 2 has lists without a fixed length where a gait has arrays, and structures for
-//! poses and velocities.
+//! How the message carries a gait's values: ROS 2 has lists without a fixed length where a gait has arrays, and
+//! structures for poses and velocities.
 
 use gait::bezier::DEGREE;
 use gait::{Coefficients, JOINTS, LEGS, SolverSummary};
 
+use crate::SolverReport;
+use crate::gait_error::GaitMessageError;
 use crate::geometry_msgs::{Point, Pose, Quaternion, Twist, Vector3};
-use crate::{GaitMessageError, SolverReport};
 
 /// Where a value stands, for the message of an error.
 #[derive(Clone, Copy)]

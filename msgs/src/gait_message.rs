@@ -1,75 +1,16 @@
-//! The gait's message. One list gives its fields, their order on the wire, and which field of a gait each of them carries;
-//! planner, controller and recorder convert by it. A field of a gait that is not in the list does not build.
+//! The gait's message. One list gives its fields, their order on the wire, and which field of a gait each of them
+//! carries; planner, controller and recorder convert by it. A field of a gait that is not in the list does not build.
 
 use gait::bezier::DEGREE;
 
 use crate::SolverReport;
 use crate::carried::{Carried, Place};
+use crate::gait_error::{GAIT_VERSION, GAIT_VERSION_TWO_STEPS, GaitMessageError};
 use crate::geometry_msgs::{Pose, Twist};
 use crate::std_msgs::Header;
 
-/// Version of the gait message's schema, that of the gait file: 1, or 2 with a second step of its own.
-pub const GAIT_VERSION: u32 = gait::FILE_VERSION as u32;
-const GAIT_VERSION_TWO_STEPS: u32 = gait::FILE_VERSION_TWO_STEPS as u32;
-
-/// Why a gait message was refused.
-#[derive(Debug, thiserror::Error)]
-pub enum GaitMessageError {
-    /// Another version.
-    #[error(
-        "gait message: version is {found}, expected {GAIT_VERSION} or {GAIT_VERSION_TWO_STEPS}: run planner and controller of one release"
-    )]
-    Version {
-        /// What the message says.
-        found: u32,
-    },
-    /// Another polynomial degree.
-    #[error("gait message \"{gait}\": bezier_degree is {found}, expected {DEGREE}")]
-    Degree {
-        /// The gait's name.
-        gait: String,
-        /// What the message says.
-        found: u8,
-    },
-    /// A second step in a version that has none, or none in one that has.
-    #[error(
-        "gait message \"{gait}\": version {version} with {found} second coefficients: version {GAIT_VERSION} has none, version {GAIT_VERSION_TWO_STEPS} a second step"
-    )]
-    SecondStep {
-        /// The gait's name.
-        gait: String,
-        /// What the message says.
-        version: u32,
-        /// How many coefficients there are.
-        found: usize,
-    },
-    /// An array of another length.
-    #[error("gait message \"{gait}\": {field} has {found} entries, expected {expected}")]
-    Length {
-        /// The gait's name.
-        gait: String,
-        /// Which field.
-        field: &'static str,
-        /// How many there are.
-        found: usize,
-        /// How many there must be.
-        expected: usize,
-    },
-    /// The request is not JSON.
-    #[error("gait message \"{gait}\": request_json is not JSON: {reason}")]
-    Request {
-        /// The gait's name.
-        gait: String,
-        /// The parser's reason.
-        reason: String,
-    },
-    /// The values are none of a gait that can be walked.
-    #[error(transparent)]
-    Gait(#[from] gait::GaitError),
-}
-
-/// Defines the message and its mapping. `own` fields are the message's; then come the gait's fields, each with the fields of
-/// the message that carry it:
+/// Defines the message and its mapping. `own` fields are the message's; then come the gait's fields, each with the
+/// fields of the message that carry it:
 ///
 /// - `field { wire: Type }`: one field carries it.
 /// - `field: Part { wire: Type = part, … }`: a structure, whose own fields are carried; `a & b` are carried by one.
@@ -171,8 +112,8 @@ gait_message! {
         reference_coefficients_rad: Vec<f64>,
     }
     second_step: SecondStep [Gait::has_second_step] {
-        /// The second step's own planned joints (legs 0 and 3 stand), not mirrored, rad: row-major 12 x (degree + 1); empty
-        /// where the mirror gives them.
+        /// The second step's own planned joints (legs 0 and 3 stand), not mirrored, rad: row-major 12 x (degree + 1);
+        /// empty where the mirror gives them.
         second_coefficients_rad: Vec<f64> = coefficients_rad,
         /// The second step's own reference, rad: as `second_coefficients_rad`.
         second_reference_coefficients_rad: Vec<f64> = reference_coefficients_rad,
@@ -278,7 +219,8 @@ mod tests {
 
     use super::*;
 
-    /// Stands on the spot; every array holds different numbers where a gait allows it, so that no two can be swapped unseen.
+    /// Stands on the spot; every array holds different numbers where a gait allows it, so that no two can be swapped
+    /// unseen.
     fn standing() -> gait::Gait {
         let joint: [f64; JOINTS] =
             std::array::from_fn(|j| [0.1, 0.94, 1.88][j % 3] * if j < 6 { 1.0 } else { [-1.0, 1.0, 1.0][j % 3] });

@@ -17,6 +17,7 @@ pub mod action_msgs;
 pub mod builtin_interfaces;
 mod carried;
 pub mod diagnostic_msgs;
+mod gait_error;
 mod gait_message;
 pub mod geometry_msgs;
 pub mod lifecycle_msgs;
@@ -32,6 +33,7 @@ pub mod tf2_msgs;
 pub mod unique_identifier_msgs;
 pub mod visualization_msgs;
 
-pub use gait_message::{GAIT_VERSION, Gait, GaitMessageError};
+pub use gait_error::{GAIT_VERSION, GaitMessageError};
+pub use gait_message::Gait;
 pub use interface::{Action, Covariance, Field, FieldType, Message, Optional, Service, TooMany, definition};
 pub use tandem_msgs::*;

@@ -1,30 +1,13 @@
 //! What is known of a gait's quality: how its solve ended, and how it stands by itself.
 
-use crate::{Gait, GaitError, SolverSummary};
+use crate::error::GaitError;
+use crate::types::{Gait, SolverSummary};
 
 impl SolverSummary {
     /// Whether the solver came to a gait that keeps its constraints. Interpolated ones are not solved.
     pub fn is_solution(&self) -> bool {
         matches!(self.status.as_str(), "converged" | "acceptable")
     }
-}
-
-/// The certificate of a gait: what its step's linearised map says of small disturbances, and whether the touchdown by
-/// the clock that the map takes for granted can be had.
-#[derive(Clone, Copy, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
-#[serde(deny_unknown_fields)]
-pub struct Certificate {
-    /// Hermite–Simpson points of the program that the plan came from: more than were asked for where it was solved
-    /// again.
-    pub points: u32,
-    /// Largest modulus of the step-to-step map's multipliers under the tracking law, or of the stride's where the
-    /// second step is no mirror image: below 1 a small disturbance shrinks while toes land by the clock.
-    pub largest_multiplier: f64,
-    /// How far from its place a swing toe would meet a floor that is 1 % of the nominal height higher, m. A toe that
-    /// skims the floor before it lands is held back by it, and touchdown is not by the clock.
-    pub landing_run_m: f64,
-    /// Whether both say that the gait stands by itself.
-    pub stable: bool,
 }
 
 impl Gait {

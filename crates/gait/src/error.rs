@@ -1,6 +1,6 @@
 //! Why a gait is refused.
 
-use crate::{FILE_FORMAT, FILE_VERSION, FILE_VERSION_TWO_STEPS, MAX_FILE_BYTES};
+use crate::version::{FILE_FORMAT, FILE_VERSION, FILE_VERSION_TWO_STEPS, MAX_FILE_BYTES};
 
 /// Why a gait was refused.
 #[derive(Debug, thiserror::Error)]

@@ -2,19 +2,10 @@
 //! a `second_step` of its own. A gait is written in the lowest version that can carry it, so that a reader of version 1 reads
 //! every gait that it can walk, and refuses, by its version, a gait that it would walk wrongly.
 
-use crate::types::GaitFile;
-use crate::{Gait, GaitError, SecondStep};
+use crate::error::GaitError;
+use crate::types::{Gait, GaitFile, SecondStep};
+use crate::version::{FILE_FORMAT, FILE_VERSION, FILE_VERSION_TWO_STEPS, MAX_FILE_BYTES};
 use serde::Deserialize;
-
-/// `format` of every gait file.
-pub const FILE_FORMAT: &str = "tandem-gait";
-/// Version of a file whose second step mirrors the first.
-pub const FILE_VERSION: u64 = 1;
-/// Version of a file with a second step of its own.
-pub const FILE_VERSION_TWO_STEPS: u64 = 2;
-
-/// A longer text is refused before it is read. A gait of version 2 is about 30 kB.
-pub const MAX_FILE_BYTES: usize = 1 << 20;
 
 /// Read before everything else, so that a file of another version is named as such and not as a missing field.
 #[derive(Deserialize)]

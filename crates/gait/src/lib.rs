@@ -19,15 +19,15 @@ mod file;
 mod schedule;
 mod types;
 mod validate;
+mod version;
 
 pub use bezier::Coefficients;
-pub use certificate::Certificate;
 pub use error::GaitError;
-pub use file::{FILE_FORMAT, FILE_VERSION, FILE_VERSION_TWO_STEPS, MAX_FILE_BYTES};
 pub use joints::{JOINTS, JOINTS_PER_LEG, LEG_LABELS, LEG_NAMES, LEGS, Mirror};
 pub use schedule::{Domain, StepSide};
-pub use types::{Gains, Gait, InitialState, SecondStep, SolverSummary};
+pub use types::{Certificate, Gains, Gait, InitialState, SecondStep, SolverSummary};
 pub use validate::MAX_NAME_CHARS;
+pub use version::{FILE_FORMAT, FILE_VERSION, FILE_VERSION_TWO_STEPS, MAX_FILE_BYTES};
 
 impl Gait {
     /// What the tracking law follows at phase `s` ∈ [0, 1] of a step: positions rad, velocities rad/s. Does not allocate.

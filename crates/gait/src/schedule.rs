@@ -1,7 +1,10 @@
-//! The contact schedule: which legs stand when. A stride is a sequence of domains, phases in which the same legs stand; this
-//! software's only schedule is the trot's, two steps on the legs of one diagonal each.
+//! The contact schedule: which legs stand when. A stride is a sequence of domains, phases in which the same legs stand;
+//! this software's only schedule is the trot's, two steps on the legs of one diagonal each.
 
-use crate::{Coefficients, Gait, JOINTS, LEGS};
+use joints::{JOINTS, LEGS};
+
+use crate::bezier::Coefficients;
+use crate::types::Gait;
 
 /// Which legs stand in the first step and in the second.
 const STANCE: [[bool; LEGS]; 2] = [[false, true, true, false], [true, false, false, true]];

@@ -1,7 +1,9 @@
-//! What a gait consists of: the one list of each type's fields. The gait's file (file.rs) is made from it, and the list of the
-//! message's fields (`msgs/src/gait_message.rs`) does not build without each of them.
+//! What a gait consists of: the one list of each type's fields. The gait's file (file.rs) is made from it, and the list
+//! of the message's fields (`msgs/src/gait_message.rs`) does not build without each of them.
 
-use crate::{Certificate, Coefficients, JOINTS, Mirror};
+use joints::{JOINTS, Mirror};
+
+use crate::bezier::Coefficients;
 
 /// Defines a type and its file, which holds `format`, `version` and then the type's fields in their order.
 macro_rules! gait_type {
@@ -58,8 +60,8 @@ gait_type! {
         second_step: Option<SecondStep>,
         /// State at the start of the first step.
         initial: InitialState,
-        /// What the tracking law follows, rad: the compensated reference, which makes the bare law give the planned torque
-        /// on the planned motion. Belongs to the gains.
+        /// What the tracking law follows, rad: the compensated reference, which makes the bare law give the planned
+        /// torque on the planned motion. Belongs to the gains.
         reference_coefficients_rad: [Coefficients; JOINTS],
         /// The tracking law's gains.
         gains: Gains,
@@ -120,8 +122,8 @@ pub struct SolverSummary {
     pub objective: f64,
 }
 
-/// The second step of a gait whose two steps are no mirror images of each other, as on a sideways slope: legs 0 and 3 stand.
-/// Its joints are the robot's own, in the same order as the first step's, not mirrored.
+/// The second step of a gait whose two steps are no mirror images of each other, as on a sideways slope: legs 0 and 3
+/// stand. Its joints are the robot's own, in the same order as the first step's, not mirrored.
 #[derive(Clone, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct SecondStep {
@@ -129,4 +131,22 @@ pub struct SecondStep {
     pub coefficients_rad: [Coefficients; JOINTS],
     /// What the tracking law follows in the second step, rad.
     pub reference_coefficients_rad: [Coefficients; JOINTS],
+}
+
+/// The certificate of a gait: what its step's linearised map says of small disturbances, and whether the touchdown by
+/// the clock that the map takes for granted can be had.
+#[derive(Clone, Copy, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Certificate {
+    /// Hermite–Simpson points of the program that the plan came from: more than were asked for where it was solved
+    /// again.
+    pub points: u32,
+    /// Largest modulus of the step-to-step map's multipliers under the tracking law, or of the stride's where the
+    /// second step is no mirror image: below 1 a small disturbance shrinks while toes land by the clock.
+    pub largest_multiplier: f64,
+    /// How far from its place a swing toe would meet a floor that is 1 % of the nominal height higher, m. A toe that
+    /// skims the floor before it lands is held back by it, and touchdown is not by the clock.
+    pub landing_run_m: f64,
+    /// Whether both say that the gait stands by itself.
+    pub stable: bool,
 }

@@ -1,6 +1,11 @@
 //! Whether a gait's values are any that can be walked.
 
-use crate::{Gait, GaitError, JOINTS, LEGS, StepSide, bezier};
+use joints::{JOINTS, LEGS};
+
+use crate::bezier;
+use crate::error::GaitError;
+use crate::schedule::StepSide;
+use crate::types::Gait;
 
 /// Longest name of a gait or its robot, in characters.
 pub const MAX_NAME_CHARS: usize = 128;

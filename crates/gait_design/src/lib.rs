@@ -13,6 +13,7 @@
 mod biped;
 mod certificate;
 mod condensed;
+mod decomposed;
 mod full_order;
 mod guess;
 pub mod library;

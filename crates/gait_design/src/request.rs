@@ -227,3 +227,11 @@ impl GaitRequest {
         ]
     }
 }
+
+/// Refuses points that no grid has, before the program is built on them.
+pub(crate) fn check_points(points: usize) -> Result<(), RequestError> {
+    if (5..=MOST_POINTS).contains(&points) && points % 2 == 1 {
+        return Ok(());
+    }
+    Err(RequestError::Points { value: points })
+}

@@ -149,12 +149,11 @@ fn the_compensated_reference_makes_the_bare_law_give_the_planned_torque() {
     let robot = vision60();
     let request = GaitRequest::named("amble", &robot).unwrap();
     let plan = plan(&robot, &request, &PlanOptions::default(), go_on).unwrap();
-    let gait = &plan.gait;
+    let (gait, gait::Gains { kp, kd }) = (&plan.gait, plan.gait.gains);
     for point in &plan.points {
         let (position, velocity) = gait.reference(gait::StepSide::First, point.phase);
         for j in 0..12 {
-            let law =
-                gait.gains.kp[j] * (position[j] - point.q[6 + j]) + gait.gains.kd[j] * (velocity[j] - point.v[6 + j]);
+            let law = kp[j] * (position[j] - point.q[6 + j]) + kd[j] * (velocity[j] - point.v[6 + j]);
             let error = (law - point.torque_nm[j]).abs();
             assert!(
                 error < 1.0,
@@ -368,13 +367,12 @@ fn a_reference_planned_in_the_program_gives_the_planned_torques_by_the_bare_law(
     let comparison = simulate_planned_step(&robot, &plan.gait, &plan.points, Reference::InProgram.step_law()).unwrap();
     println!("{comparison:?}", comparison = StepComparison { simulated: Vec::new(), ..comparison.clone() });
     assert!(comparison.follows_plan());
-    let gait = &plan.gait;
+    let (gait, gait::Gains { kp, kd }) = (&plan.gait, plan.gait.gains);
     println!("{:?}", gait.solver);
     for point in &plan.points {
         let (position, velocity) = gait.reference(gait::StepSide::First, point.phase);
         for j in 0..12 {
-            let law =
-                gait.gains.kp[j] * (position[j] - point.q[6 + j]) + gait.gains.kd[j] * (velocity[j] - point.v[6 + j]);
+            let law = kp[j] * (position[j] - point.q[6 + j]) + kd[j] * (velocity[j] - point.v[6 + j]);
             assert!(
                 (law - point.torque_nm[j]).abs() < 0.05,
                 "joint {j} at {}: {law}, planned {}",

@@ -7,8 +7,8 @@ const BASE: usize = 6;
 /// Signs of the base's coordinates under the mirror.
 const BASE_SIGN: [f64; BASE] = [1.0, -1.0, 1.0, -1.0, 1.0, -1.0];
 
-/// The left–right mirror: joint k of leg i of the mirrored robot is `sign[k]` times joint k of leg `leg[i]`. Under it y, roll
-/// and yaw of the base change sign, of its velocities too.
+/// The left–right mirror: joint k of leg i of the mirrored robot is `sign[k]` times joint k of leg `leg[i]`. Under it
+/// y, roll and yaw of the base change sign, of its velocities too.
 #[derive(Clone, Copy, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Mirror {

@@ -72,7 +72,7 @@ pub fn render_run(folder: &Path, run: &Run) -> Result<Vec<PathBuf>, ReportError>
         ("footfalls.png", footfalls(run)?),
     ];
     if !run.tiles.is_empty() {
-        pictures.push(("tiles.png", tile_strip(&tiles::caption(run), run.tiles)?));
+        pictures.push(("tiles.png", tile_strip(&run.tiles_caption(), run.tiles)?));
     }
     let mut files = Vec::new();
     for (name, picture) in pictures {

@@ -54,6 +54,21 @@ pub struct Run<'a> {
 pub(crate) const STANDING_N: f64 = 10.0;
 
 impl<'a> Run<'a> {
+    /// What the run's pictures show, for the head of their strip.
+    pub(crate) fn tiles_caption(&self) -> String {
+        let steps = match self.tiles {
+            [first, .., last] => (last.time_s - first.time_s) / self.gait.step_duration_s,
+            _ => 0.0,
+        };
+        let what = if steps > 1.5 { "one stride" } else { "one step" };
+        format!(
+            "{}: {what} of {:.3} s, {}",
+            self.gait.name,
+            steps.max(1.0).round() * self.gait.step_duration_s,
+            self.origin.word()
+        )
+    }
+
     pub(crate) fn check(&self) -> Result<(), ReportError> {
         let name = || self.gait.name.clone();
         let mut last = f64::NEG_INFINITY;

@@ -3,8 +3,8 @@
 use plotters::element::BitMapElement;
 use plotters::prelude::*;
 
+use crate::ReportError;
 use crate::canvas::{FAINT, INK, Image, SCALE, draw, drawing, px, text};
-use crate::{ReportError, Run};
 
 /// One picture of the robot.
 #[derive(Clone, Debug, PartialEq)]
@@ -21,20 +21,6 @@ const TILE_WIDTH: u32 = 360;
 const GAP: u32 = 8;
 /// Tiles in one row.
 const ROW: usize = 4;
-
-pub(crate) fn caption(run: &Run) -> String {
-    let steps = match run.tiles {
-        [first, .., last] => (last.time_s - first.time_s) / run.gait.step_duration_s,
-        _ => 0.0,
-    };
-    let what = if steps > 1.5 { "one stride" } else { "one step" };
-    format!(
-        "{}: {what} of {:.3} s, {}",
-        run.gait.name,
-        steps.max(1.0).round() * run.gait.step_duration_s,
-        run.origin.word()
-    )
-}
 
 /// Lays tiles into rows of four under a caption, each with its time.
 ///

@@ -22,7 +22,7 @@ mod goal;
 pub use goal::{Goal, GoalEnd};
 
 use crate::Wire;
-use crate::matches::Peers;
+use crate::peers::Peers;
 use crate::service::INTRODUCTION_OF_CALLER;
 
 /// How often the dispatcher looks for requests. A goal takes longer than this by far.

@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use crate::RosError;
 use crate::log_file::LogFileChoice;
 use crate::names::{Remap, RemapKind, check_node_name, expand, full_namespace};
-use crate::parameters::{ParameterValue, overrides_from_yaml};
+use crate::parameters::{Override, ParameterValue, overrides_from_yaml};
 use crate::security::Security;
 
 /// How far a node looks for others (`ROS_AUTOMATIC_DISCOVERY_RANGE`).
@@ -15,15 +15,6 @@ pub enum DiscoveryRange {
     Subnet,
     /// This machine only, over its loopback interface.
     Localhost,
-}
-
-/// A value for a parameter from the command line or a file, and the nodes that it is for.
-#[derive(Clone, Debug, PartialEq)]
-pub(crate) struct Override {
-    /// A node's full name, in which `*` stands for one part and `**` for any number.
-    pub(crate) node: String,
-    pub(crate) name: String,
-    pub(crate) value: ParameterValue,
 }
 
 /// What the command line and the environment say about a node.

@@ -6,8 +6,8 @@ use std::time::{Duration, Instant};
 
 use tandem_msgs::Service;
 
-use crate::matches::Peers;
-use crate::node::Core;
+use crate::peers::Peers;
+use crate::shared::Core;
 use crate::{CallError, Wire};
 
 /// How often a client looks whether its server has appeared.

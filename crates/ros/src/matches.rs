@@ -1,24 +1,18 @@
 //! Which endpoints of other participants the middleware has connected with this node's, known by its own events.
 
 use std::collections::BTreeMap;
-use std::pin::pin;
-use std::sync::{Arc, Mutex, PoisonError};
+use std::sync::{Mutex, PoisonError};
 
-use futures::StreamExt;
-use ros2_client::dds::rustdds::{
-    DomainParticipantStatusEvent as Event, DomainParticipantStatusListener, GUID, LostReason, StatusEvented,
-};
-use ros2_client::{Gid, RmwRequestId};
+use ros2_client::Gid;
+use ros2_client::dds::rustdds::{DomainParticipantStatusEvent as Event, GUID, LostReason};
 use tokio::sync::mpsc::{UnboundedReceiver, UnboundedSender, unbounded_channel};
 use tokio::sync::watch;
 
-use crate::node::Core;
-
 /// Each remote endpoint with the number of the event that reported its latest match.
 #[derive(Default)]
-struct Table {
-    readers: BTreeMap<GUID, u64>,
-    writers: BTreeMap<GUID, u64>,
+pub(crate) struct Table {
+    pub(crate) readers: BTreeMap<GUID, u64>,
+    pub(crate) writers: BTreeMap<GUID, u64>,
     events: u64,
 }
 
@@ -85,7 +79,7 @@ impl Departure {
         publisher.0[..self.length] == self.id[..self.length]
     }
 
-    fn of(event: &Event) -> Option<Self> {
+    pub(crate) fn of(event: &Event) -> Option<Self> {
         match event {
             Event::WriterLost { guid, reason } => {
                 Some(Self::of_publisher(PublisherId(guid.to_bytes()), matches!(reason, LostReason::Disposed)))
@@ -145,77 +139,25 @@ impl Matches {
         &self.1
     }
 
-    /// Keeps the table up to date until it is aborted. The middleware has one queue of events: nobody else may read it.
-    pub(crate) async fn follow(core: Arc<Core>, listener: DomainParticipantStatusListener) {
-        let mut events = pin!(listener.as_async_status_stream());
-        while let Some(event) = events.next().await {
-            core.matches.0.send_if_modified(|table| table.note(&event));
-            core.matches.announcements().note(&event);
-            if let Some(departure) = Departure::of(&event) {
-                core.note_departure(departure);
-            }
-        }
+    /// Takes note of an event of the middleware.
+    pub(crate) fn note(&self, event: &Event) {
+        self.0.send_if_modified(|table| table.note(event));
+        self.announcements().note(event);
+    }
+
+    /// The table as it stands.
+    pub(crate) fn table(&self) -> watch::Ref<'_, Table> {
+        self.0.borrow()
+    }
+
+    /// Tells of changes of the table.
+    pub(crate) fn changes(&self) -> watch::Receiver<Table> {
+        self.0.subscribe()
     }
 
     /// How many events there have been. An endpoint made now is matched by later ones only.
-    fn now(&self) -> u64 {
+    pub(crate) fn now(&self) -> u64 {
         self.0.borrow().events
-    }
-}
-
-/// What a service's endpoints on one side are connected with.
-pub(crate) struct Peers {
-    core: Arc<Core>,
-    requests: String,
-    replies: String,
-    /// Matches from before are those of endpoints that had these names earlier.
-    since: u64,
-}
-
-impl Peers {
-    /// Of the service with this full name, whose endpoints are about to be made.
-    pub(crate) fn new(core: &Arc<Core>, service: &str) -> Self {
-        Peers {
-            core: Arc::clone(core),
-            requests: format!("rq{service}Request"),
-            replies: format!("rr{service}Reply"),
-            since: core.matches.now(),
-        }
-    }
-
-    /// Whether a server receives our requests and its answers reach us.
-    pub(crate) fn server_is_matched(&self) -> bool {
-        let (readers, writers) =
-            (self.core.discovered_readers(&self.requests), self.core.discovered_writers(&self.replies));
-        let table = self.core.matches.0.borrow();
-        readers.iter().any(|reader| self.is_recent(table.readers.get(reader)))
-            && writers.iter().any(|writer| self.is_recent(table.writers.get(writer)))
-    }
-
-    /// Whether an answer to this request would reach the caller: an answer sent earlier is lost.
-    pub(crate) fn caller_is_matched(&self, request: RmwRequestId) -> bool {
-        let caller = GUID::from(request.writer_gid);
-        if caller.entity_id.entity_kind.is_reader() {
-            // Fast DDS's clients name the reader that waits for the answer.
-            return self.is_recent(self.core.matches.0.borrow().readers.get(&caller));
-        }
-        // Others, ours among them, name the writer of the request.
-        let readers = self.core.discovered_readers(&self.replies);
-        let table = self.core.matches.0.borrow();
-        readers.iter().any(|reader| reader.prefix == caller.prefix && self.is_recent(table.readers.get(reader)))
-    }
-
-    /// Waits until [`Peers::caller_is_matched`].
-    pub(crate) async fn caller_matched(&self, request: RmwRequestId) {
-        let mut changes = self.core.matches.0.subscribe();
-        while !self.caller_is_matched(request) {
-            // The sender lives as long as the core, so waiting cannot fail.
-            let _ = changes.changed().await;
-        }
-    }
-
-    fn is_recent(&self, event: Option<&u64>) -> bool {
-        event.is_some_and(|event| *event > self.since)
     }
 }
 

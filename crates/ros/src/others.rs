@@ -10,7 +10,7 @@ use tandem_msgs::Message;
 
 use crate::matches::{Departure, PublisherId};
 use crate::names::Subject;
-use crate::node::Core;
+use crate::shared::Core;
 use crate::{Node, RosError};
 
 /// How often the count is taken anew: the middleware drops news where many come at once.

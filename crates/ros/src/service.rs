@@ -10,8 +10,8 @@ use ros2_client::RmwRequestId;
 use tandem_msgs::Service;
 
 use crate::Wire;
-use crate::matches::Peers;
-use crate::node::Occasionally;
+use crate::occasionally::Occasionally;
+use crate::peers::Peers;
 
 /// How long an answer waits for a caller whose reader is not known yet. A request can overtake the news of it, and what is sent
 /// before is lost; whoever is unknown after this has gone or never listened.

@@ -3,9 +3,9 @@
 //! [`listen`] and [`CommandPublisher`].
 
 use crate::inputs::{InputProblems, StateWatch, Topic};
+use crate::messages::{CommandMessage, StateMessage};
 use crate::others::{COMMANDS, OtherPublishers};
 use crate::ports;
-use crate::publishers::OFFERED;
 use control::{FaultReport, JOINTS, JointCommand};
 use joint_bus::{BusHealth, JointBus, LinkHealth, Readings};
 use realtime::monotonic_now;
@@ -17,36 +17,10 @@ use std::time::Duration;
 
 /// Messages that wait, each way.
 pub const DEPTH: usize = 256;
+/// Serves subscriptions of either reliability; a slow one misses messages and holds up nobody.
+pub const OFFERED: Qos = Qos::reliable(10);
 /// A command for a state that was answered before is sent again only so often: its receiver has it, unless it was lost.
 const REPEAT_EVERY: u64 = 10;
-
-/// What a message of joint states says.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct StateMessage {
-    /// Its stamp.
-    pub stamp: Duration,
-    /// When it came in, on the monotonic clock.
-    pub wall: Duration,
-    /// Whether it has the joint. A joint that no message has any more grows stale.
-    pub named: [bool; JOINTS],
-    /// rad.
-    pub position_rad: [f64; JOINTS],
-    /// rad/s.
-    pub velocity_rad_s: [f64; JOINTS],
-    /// N m, where the message has it.
-    pub torque_nm: Option<[f64; JOINTS]>,
-}
-
-/// A command on its way to the topic.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct CommandMessage {
-    /// The stamp of the joint state that it answers.
-    pub stamp: Duration,
-    /// The command.
-    pub command: JointCommand,
-    /// Whether the drives are to be on; the command is limp if not.
-    pub drives_on: bool,
-}
 
 /// Which clock the gait follows in realtime.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

@@ -1,7 +1,7 @@
 //! What is wrong with the messages that come in, kept for where a user looks: the log, the answers of services, the
 //! diagnostics.
 
-use crate::dds_bus::StateMessage;
+use crate::messages::StateMessage;
 use control::JOINTS;
 use std::sync::{Mutex, PoisonError};
 use std::time::Duration;

@@ -1,6 +1,6 @@
 //! Messages to and from the controller's own types: the one place where the two meet. (Gaits: [`tandem_msgs::Gait::to_gait`].)
 
-use crate::dds_bus::{CommandMessage, StateMessage};
+use crate::messages::{CommandMessage, StateMessage};
 use control::{InertialState, JOINTS, Output};
 use std::time::Duration;
 use tandem_msgs::builtin_interfaces::Time;

@@ -1,7 +1,7 @@
 //! The thread that publishes the cycle's output.
 
 use crate::cycle::{CycleOutput, Timing};
-use crate::dds_bus::CommandPublisher;
+use crate::dds_bus::{CommandPublisher, OFFERED};
 use crate::drive_reports::DriveReports;
 use crate::inputs::InputProblems;
 use crate::odometry::{self, Odometer};
@@ -10,7 +10,7 @@ use crate::recording::{self, Recording};
 use crate::services::Services;
 use control::{DampingReason, Fault, FaultReport, JOINTS, Mode};
 use realtime::monotonic_now;
-use ros::{Clock, Node, PublishError, Publisher, Pulse, Qos, RosError, Stop};
+use ros::{Clock, Node, PublishError, Publisher, Pulse, RosError, Stop};
 use rtrb::Consumer;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -21,9 +21,6 @@ use tandem_msgs::{ControllerState, sensor_msgs};
 
 /// How long it sleeps when nobody wakes it.
 const PATIENCE: Duration = Duration::from_millis(20);
-
-/// Serves subscriptions of either reliability; a slow one misses messages and holds up nobody.
-pub const OFFERED: Qos = Qos::reliable(10);
 
 /// The node's publishers.
 pub struct Publishers {

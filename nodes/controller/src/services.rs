@@ -1,9 +1,10 @@
 //! Callbacks and services: turn messages into values, refuse what is wrong with them, put the rest into the cycle's buffers.
 
 use crate::cycle::{Asked, TimedInertial};
-use crate::dds_bus::{self, StateMessage};
+use crate::dds_bus;
 use crate::emergency_stop::{EmergencyStop, PUBLISHERS};
 use crate::inputs::{InputProblems, Topic};
+use crate::messages::StateMessage;
 use crate::ports;
 use crate::recording::{self, Recording};
 use control::{Config, Fault, JOINTS, Mode, PreparedGait, Refusal, Request};

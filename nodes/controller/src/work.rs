@@ -4,13 +4,13 @@
 
 use crate::config::{Pace, Parameters};
 use crate::cycle::{Cycle, Middleware};
-use crate::dds_bus::{CommandPublisher, CycleClock, DEPTH, DdsBus};
+use crate::dds_bus::{self, CommandPublisher, CycleClock, DEPTH, DdsBus};
 use crate::drive;
 use crate::emergency_stop::EmergencyStop;
 use crate::inputs::InputProblems;
 use crate::odometry::Odometer;
 use crate::others::OtherPublishers;
-use crate::publishers::{self, PublisherThread, Publishers};
+use crate::publishers::{PublisherThread, Publishers};
 use crate::recording::{self, Recording, Subject};
 use crate::services::{Sensors, Services};
 use anyhow::Context as _;
@@ -129,7 +129,7 @@ impl Work {
         let lockstep = parameters.pace == Pace::Lockstep;
         // Nothing may be lost between two processes that wait for each other; else only the newest counts, and nobody
         // is to send an old one again.
-        let fast = if lockstep { publishers::OFFERED } else { Qos::best_effort(1) };
+        let fast = if lockstep { dds_bus::OFFERED } else { Qos::best_effort(1) };
 
         let (states_in, states) = RingBuffer::new(DEPTH);
         let (commands_in, commands) = RingBuffer::new(DEPTH);

@@ -15,7 +15,8 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::time::{Duration, Instant};
 use tandem_controller::cycle::{Cycle, Middleware};
-use tandem_controller::dds_bus::{CommandMessage, CycleClock, DEPTH, DdsBus, StateMessage};
+use tandem_controller::dds_bus::{CycleClock, DEPTH, DdsBus};
+use tandem_controller::messages::{CommandMessage, StateMessage};
 use tandem_controller::emergency_stop::EmergencyStop;
 use tandem_controller::recording::{self, Subject};
 

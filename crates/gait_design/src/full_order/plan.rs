@@ -2,9 +2,8 @@
 
 use super::{COEFFICIENTS, FullOrderProgram, SHARED, start};
 use crate::certificate::certificate;
-use crate::planner::check_points;
 use crate::refine::finer_grid;
-use crate::request::GaitRequest;
+use crate::request::{GaitRequest, check_points};
 use crate::{
     Plan, PlanError, PlanOptions, PlanPoint, Reference, SubproblemSolver, WarmStart, between_points, leg_length_m,
     not_converged, on_slope, program_with_offset, recompose, summary,

@@ -2,10 +2,11 @@
 //! [`crate::guess::nominal`] places the front ones.
 
 use super::{COEFFICIENTS, DOF, FullOrderProgram, STANCE, at, recomposed};
+use crate::decomposed::DecomposedPlanner;
 use crate::guess::{self, Unreachable, glide};
 use crate::program::DecomposedProgram;
 use crate::request::GaitRequest;
-use crate::{PlanOptions, Planner, SubproblemSolver, on_slope};
+use crate::{PlanOptions, SubproblemSolver, on_slope};
 use gait::{JOINTS, bezier};
 use nalgebra::{DMatrix, Vector3};
 use rigid_body::{Data, point_kinematics, rnea};
@@ -32,7 +33,7 @@ pub(super) fn of_the_plan(
     options: &PlanOptions,
 ) -> Result<Vec<f64>, Unreachable> {
     let options = PlanOptions { subproblem: SubproblemSolver::default(), warm_start: None, ..options.clone() };
-    match Planner::new(robot).solve(level, &options, |_| ControlFlow::Continue(())) {
+    match DecomposedPlanner::new(robot, false).solve(level, &options, |_| ControlFlow::Continue(())) {
         Ok(solution) => Ok(recomposed(program, decomposed, &solution.x)),
         Err(_) => of_the_guess(program, decomposed, &on_slope(robot, level), level),
     }

@@ -2,10 +2,18 @@
 
 use serde_yaml_ng::Value as Yaml;
 
-use super::ParameterValue;
-use crate::arguments::Override;
+use super::value::ParameterValue;
 
 const PARAMETERS_KEY: &str = "ros__parameters";
+
+/// A value for a parameter from the command line or a file, and the nodes that it is for.
+#[derive(Clone, Debug, PartialEq)]
+pub(crate) struct Override {
+    /// A node's full name, in which `*` stands for one part and `**` for any number.
+    pub(crate) node: String,
+    pub(crate) name: String,
+    pub(crate) value: ParameterValue,
+}
 
 /// The values of a parameter file: node names (nested by namespace if one likes), `ros__parameters`, values nested by
 /// dots.

@@ -1,3 +1,11 @@
+use std::sync::Arc;
+
+use tandem_msgs::rcl_interfaces as wire;
+use tandem_msgs::text::SENTENCE_CHARS;
+
+use super::services::MAX_PARAMETERS;
+use super::store::matches;
+use super::value::{MAX_ITEMS, MAX_TEXT_BYTES};
 use super::*;
 
 fn store(yaml: &str) -> Arc<Store> {

@@ -1,0 +1,11 @@
+//! Which gait files this software writes and reads.
+
+/// `format` of every gait file.
+pub const FILE_FORMAT: &str = "tandem-gait";
+/// Version of a file whose second step mirrors the first.
+pub const FILE_VERSION: u64 = 1;
+/// Version of a file with a second step of its own.
+pub const FILE_VERSION_TWO_STEPS: u64 = 2;
+
+/// A longer text is refused before it is read. A gait of version 2 is about 30 kB.
+pub const MAX_FILE_BYTES: usize = 1 << 20;
