@@ -18,7 +18,7 @@ const DOF: usize = 12;
 
 /// A toe's motion with its derivatives by the front biped's coordinates.
 #[derive(Clone, Debug)]
-pub(crate) struct Toe {
+pub(crate) struct BipedToe {
     pub position: Vector3<f64>,
     pub velocity: Vector3<f64>,
     pub acceleration: Vector3<f64>,
@@ -28,7 +28,7 @@ pub(crate) struct Toe {
     pub dacceleration_dv: SMatrix<f64, 3, DOF>,
 }
 
-impl Default for Toe {
+impl Default for BipedToe {
     fn default() -> Self {
         Self {
             position: Vector3::zeros(),
@@ -50,10 +50,10 @@ pub(crate) struct BipedDynamics {
     pub dtau_dq: SMatrix<f64, DOF, DOF>,
     pub dtau_dv: SMatrix<f64, DOF, DOF>,
     pub mass_matrix: SMatrix<f64, DOF, DOF>,
-    pub stance: Toe,
+    pub stance: BipedToe,
     /// The stance toe's Jacobian by the biped's own coordinates: its transpose maps the ground force into `tau`.
     pub stance_jacobian_own: SMatrix<f64, 3, DOF>,
-    pub swing: Toe,
+    pub swing: BipedToe,
 }
 
 impl Default for BipedDynamics {
@@ -63,9 +63,9 @@ impl Default for BipedDynamics {
             dtau_dq: SMatrix::zeros(),
             dtau_dv: SMatrix::zeros(),
             mass_matrix: SMatrix::zeros(),
-            stance: Toe::default(),
+            stance: BipedToe::default(),
             stance_jacobian_own: SMatrix::zeros(),
-            swing: Toe::default(),
+            swing: BipedToe::default(),
         }
     }
 }
