@@ -111,16 +111,16 @@ def main():
     check(came == list(range(cycles - 1000, cycles)), f"{len(came)} joint states came, expected 1000")
     longest = max(sum(1 for other in clocks if other == clock) for clock in set(clocks))
     check(longest > 50, f"the clock stood still for {longest} messages while it was paused")
-    # Told to seek by what has come, not by the clock: however late that is, it was no faster than asked.
+    # Asked to seek by what was received, not by the clock: however late that is, it was no faster than asked.
     asked_s = []
-    heard = lambda since_s: len(states) >= 150 and asked_s.append(since_s) is None
+    received = lambda since_s: len(states) >= 150 and asked_s.append(since_s) is None
     came = again("seek", "--rate", "0.1", "--start", str(cycles / 1000 - 0.5),
-                 lines=[(heard, f"seek {cycles / 1000 - 1}"), (0, "rate 10")])
+                 lines=[(received, f"seek {cycles / 1000 - 1}"), (0, "rate 10")])
     back = next((n for n in range(1, len(came)) if came[n] < came[n - 1]), 0)
     check(came[back:] == list(range(cycles - 1000, cycles)), f"seeking back sent {len(came) - back} states from {came[back]} to {came[-1]}")
     check(came[0] == cycles - 500 and back >= 150, f"{back} states came before the seek")
     check(asked_s[0] > 1.4, f"150 ms of states came in {asked_s[0]:.2f} s at a tenth of the rate")
-    # In a loop it begins again until it is told to quit.
+    # In a loop it begins again until it is asked to quit.
     came = again("loop", "--loop", "--rate", "10", lines=[(lambda _: len(states) > 2 * cycles, "quit")], seconds=120)
     rounds = sum(1 for n in came if n == 0)
     check(rounds >= 2 and came[: 2 * cycles] == list(range(cycles)) * 2, f"{rounds} rounds in a loop")

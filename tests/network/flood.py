@@ -26,7 +26,7 @@ class Generator:
         self.datagrams = [datagram for _, _, datagram in datagrams]
         self.announcements = [d for d in self.datagrams if rtps.SPDP_WRITER in d[20:60] or any(w in d[20:80] for w, _ in rtps.SEDP)]
         self.known = rtps.Known(datagrams, rtps.RUSTDDS)
-        assert self.known.prefixes, "no participant of these processes was heard"
+        assert self.known.prefixes, "no participant of these processes was received"
         self.kinds = [
             (40, self.mutated), (10, self.heartbeat), (10, self.gap), (8, self.fragment), (6, self.acknowledgment), (6, self.missing_fragment),
             (3, self.farewell), (4, self.endpoint_disposal), (6, self.stranger), (3, self.garbage), (2, self.submessages_at_random),
@@ -133,12 +133,12 @@ def main():
     pids = [int(pid) for pid in sys.argv[5:]]
     first = 7400 + 250 * domain
     unicast = sorted({port for ports in rtps.listens(pids).values() for port in ports if first + 10 <= port < first + 250})
-    heard = rtps.capture(4, {first, first + 1, *unicast})
-    generator = Generator(heard, seed)
+    received = rtps.capture(4, {first, first + 1, *unicast})
+    generator = Generator(received, seed)
     targets = [("127.0.0.1", port) for port in unicast] * 2 + [("239.255.0.1", first), ("239.255.0.1", first + 1)]
     out = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
     out.setsockopt(socket.IPPROTO_IP, socket.IP_MULTICAST_IF, socket.inet_aton("127.0.0.1"))
-    print(json.dumps({"captured": len(heard), "participants": len(generator.known.prefixes), "ports": unicast}), flush=True)
+    print(json.dumps({"captured": len(received), "participants": len(generator.known.prefixes), "ports": unicast}), flush=True)
     began, count = time.monotonic(), 0
     while (now := time.monotonic()) < began + seconds:
         while count < (now - began) * rate:

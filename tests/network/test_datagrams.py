@@ -35,13 +35,13 @@ class Pair:
         self.out = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
         self.ports = self.metatraffic(self.node)
         # Who says what: what goes to a node's own port is from others, what comes from a node's socket is its own.
-        heard = rtps.capture(7, {FIRST_PORT, *self.ports})
+        received = rtps.capture(7, {FIRST_PORT, *self.ports})
         mine = {port for ports in rtps.listens([self.other.process.pid]).values() for port in ports}
-        prefixes = {datagram[8:20] for source, _, datagram in heard if source in mine and datagram[6:8] == rtps.RUSTDDS}
-        assert len(prefixes) == 1, "the other participant is heard"
+        prefixes = {datagram[8:20] for source, _, datagram in received if source in mine and datagram[6:8] == rtps.RUSTDDS}
+        assert len(prefixes) == 1, "the other participant is received"
         (self.spoofed,) = prefixes
         mine = {port for ports in rtps.listens([os.getpid()]).values() for port in ports}
-        self.asker = next(datagram[8:20] for source, _, datagram in heard if source in mine and datagram[6:8] == rtps.FAST_DDS)
+        self.asker = next(datagram[8:20] for source, _, datagram in received if source in mine and datagram[6:8] == rtps.FAST_DDS)
 
     def service(self, name):
         from tandem_msgs.srv import GenerateGait
@@ -111,7 +111,7 @@ def test_a_farewell_that_others_say_is_not_believed(pair):
 
 
 def test_a_forged_heartbeat_does_not_make_deaf(pair):
-    """Forged in the name of the test's own participant: an endpoint that this announces afterwards is heard, or no answer would reach it."""
+    """Forged in the name of the test's own participant: an endpoint that this announces afterwards is received, or no answer would reach it."""
     for writer, reader in rtps.SEDP:
         pair.send(raw=rtps.message(pair.asker, rtps.heartbeat(reader, writer, 1 << 40, 1 << 41, 1 << 22)))
         pair.send(raw=rtps.message(pair.asker, rtps.gap(reader, writer, 1, 1 << 40)))
@@ -122,17 +122,17 @@ def test_a_forged_heartbeat_does_not_make_deaf(pair):
 
 def test_an_endpoint_that_others_dispose_of_stays(pair):
     """Its participant still announces it: that is asked, three times within a second, before the end of an endpoint is believed."""
-    heard = []
-    listening = threading.Thread(target=lambda: heard.extend(rtps.capture(5, {FIRST_PORT, *pair.ports})))
+    received = []
+    listening = threading.Thread(target=lambda: received.extend(rtps.capture(5, {FIRST_PORT, *pair.ports})))
     listening.start()
     while listening.is_alive():
         pair.answers(pair.generate)
         time.sleep(0.2)
-    known = rtps.Known(heard, rtps.FAST_DDS)
+    known = rtps.Known(received, rtps.FAST_DDS)
     written = known.writers[pair.asker]
     of_users = lambda entities: sorted({entity for entity in entities if entity[3] & 0xC0 == 0})
     endpoints = [of_users(written), of_users(reader for reader, _ in known.readers[pair.asker])]
-    assert all(endpoints), f"the asker's writers and readers are heard: {known.writers} {known.readers}"
+    assert all(endpoints), f"the asker's writers and readers are received: {known.writers} {known.readers}"
     for (writer, reader), entities in zip(rtps.SEDP, endpoints, strict=True):
         for number, entity in enumerate(entities, written[writer] + 1):
             pair.send(raw=rtps.message(pair.asker, rtps.disposal(reader, writer, number, 0x5A, pair.asker + entity)))

@@ -19,8 +19,8 @@ GROWTH_MB = 20
 # fault: of so many cycles more than in calm one may be missed.
 TOLERANCE = 0.005
 
-# A participant of its own, because the test's own one has heard the flood, and whoever believes a farewell is not the
-# robot's fault.
+# A participant of its own, because the test's own one has received the flood, and whoever believes a farewell is not
+# the robot's fault.
 ASKER = """
 import json, os, sys, time
 sys.path.insert(0, "tests/ros2")
@@ -40,7 +40,7 @@ if sys.argv[1] == "cycles":
     report(mode=states[-1][1].mode, missed=states[-1][1].missed_cycles)
 if sys.argv[1] == "stop":
     pressed = client.node.create_publisher(Bool, "/emergency_stop", 10)
-    wait_until(lambda: pressed.get_subscription_count(), 20, "the stop is heard")
+    wait_until(lambda: pressed.get_subscription_count(), 20, "the stop has a subscriber")
     before, began = states[-1][1], time.monotonic()
     while states[-1][1].mode == before.mode and time.monotonic() < began + 5:
         pressed.publish(Bool(data=True))
@@ -128,8 +128,8 @@ def test_a_walking_robot_does_not_notice_a_flood(robot):
     assert sent["packets"] >= 0.9 * RATE * SECONDS, "the generator kept its pace"
     assert panics == 0 and all(now >= then for now, then in zip(map(threads, pids), tasks, strict=True)), "no thread is lost"
     assert grown < GROWTH_MB
-    told = [line for line in robot.nodes[1].text().splitlines() if "WARN" in line or "ERROR" in line]
-    assert stop["before"] == "walking", f"{stop}\n" + "\n".join(told[-20:])
-    assert stop["after"] == "damping" and stop["seconds"] < 1, "it walked, and the stop was heard"
+    reported = [line for line in robot.nodes[1].text().splitlines() if "WARN" in line or "ERROR" in line]
+    assert stop["before"] == "walking", f"{stop}\n" + "\n".join(reported[-20:])
+    assert stop["after"] == "damping" and stop["seconds"] < 1, "it walked, and the stop was received"
     assert all(seconds < 1 for seconds in services.values()), services
     assert extra <= TOLERANCE * cycles, f"{extra:.0f} cycles missed more than in calm, of {cycles:.0f}"

@@ -1,4 +1,4 @@
-"""ROS_AUTOMATIC_DISCOVERY_RANGE=LOCALHOST: what another host sends is not heard, neither to a port nor to the group."""
+"""ROS_AUTOMATIC_DISCOVERY_RANGE=LOCALHOST: what another host sends is not received, neither to a port nor to the group."""
 
 import os
 import subprocess
@@ -10,8 +10,8 @@ import rtps
 from conftest import TARGET, wait_until
 from test_hosts import PLANNER, ROBOT, hosts  # noqa: F401 (hosts is a fixture)
 
-# A participant announces itself from the other host, and says that it is found on the loopback: whoever hears it asks
-# there.
+# A participant announces itself from the other host, and says that it is found on the loopback: whoever receives it
+# asks there.
 FOUND_AT = 45555
 SEND = """
 import socket, sys, time
@@ -75,8 +75,8 @@ def test_a_robots_nodes_find_each_other_beside_a_dozen_other_programs(hosts, tmp
         wait_until(lambda: all(" starts: " in log.read_text() for log in others), 30, "the others run")
         time.sleep(1)
         twins = [start("tandem_controller", "/twins", "overrun_s:=1.0", "middleware_timeout_s:=1.0") for _ in range(2)]
-        told = ("another program publishes joint_command", "fault second_controller")
-        seen = lambda: any(words in log.read_text() for log in twins for words in told)
+        reported = ("another program publishes joint_command", "fault second_controller")
+        seen = lambda: any(words in log.read_text() for log in twins for words in reported)
         wait_until(seen, 20, lambda: "\n".join(log.read_text() for log in twins))
     finally:
         for process, _ in started:

@@ -22,7 +22,7 @@ def silence(host, silent):
 
 
 def know_neighbours():
-    """Or the side that is heard would lose the other one's address, and the cable would fail both ways."""
+    """Or the side that is received would lose the other one's address, and the cable would fail both ways."""
     for host, other, address in ((PLANNER, ROBOT, "10.77.0.2"), (ROBOT, PLANNER, "10.77.0.1")):
         link = ip("-n", other, "link", "show", CABLES[other]).stdout.split("link/ether ")[1].split()[0]
         ip("-n", host, "neigh", "replace", address, "lladdr", link, "dev", CABLES[host], "nud", "permanent")
@@ -54,7 +54,7 @@ class Hosts:
         return self.controller.text().count('gait "gait1"')
 
     def fault(self):
-        states = self.robot.ask(heard="/controller_state", fields=["fault"])
+        states = self.robot.ask(received="/controller_state", fields=["fault"])
         return states[-1][1] if states else None
 
     def arm(self, seconds=40):
@@ -74,7 +74,7 @@ class Hosts:
         silence(silent, False)
         whole = time.monotonic()
         self.say(True)
-        latest = lambda: (self.operator.ask(heard="/controller_state", fields=[]) or [[0]])[-1][0]
+        latest = lambda: (self.operator.ask(received="/controller_state", fields=[]) or [[0]])[-1][0]
         took = {}
         checks = {"states": lambda: latest() > whole, "gait": lambda: self.loaded() >= self.gaits, "stop": lambda: "emergency_stop" in (self.fault() or "")}
         while len(took) < len(checks) and time.monotonic() < whole + 60:
@@ -109,7 +109,7 @@ def test_all_is_there_again_after_a_one_way_outage(joined):
             for _ in range(TIMES):
                 took = joined.outage(silent, seconds)
                 who = "operator" if silent == PLANNER else "robot"
-                print(f"{who} not heard for {seconds:.0f} s, then: " + ", ".join(f"{name} {value:.2f} s" for name, value in sorted(took.items())), flush=True)
+                print(f"{who} not received for {seconds:.0f} s, then: " + ", ".join(f"{name} {value:.2f} s" for name, value in sorted(took.items())), flush=True)
                 if len(took) < 4 or max(took.values()) > BACK_S:
                     late.append((who, seconds, took))
     assert not late, late

@@ -3,7 +3,7 @@
 {"call": NAME, "type": "package/srv/Type", "fields": {...}, "seconds": S}   calls a service, trying again until it answers
 {"watch": NAME, "type": "package/msg/Type"}                                 begins to keep what a topic says
 {"say": NAME, "type": "package/msg/Type", "fields": {...}}                 says it from now on, 20 times a second
-{"heard": NAME, "fields": [...]}                                            what it said since, with the time of each message
+{"received": NAME, "fields": [...]}                                            what it received since, with the time of each message
 {"graph": NAMESPACE}                                                        the DDS topics there, with writers and readers of each
 """
 
@@ -28,7 +28,7 @@ node = rclpy.create_node("at_host_" + sys.argv[1])
 executor = SingleThreadedExecutor()
 executor.add_node(node)
 threading.Thread(target=executor.spin, daemon=True).start()
-heard, clients, said = {}, {}, {}
+received, clients, said = {}, {}, {}
 
 
 def call(name, type_, fields, seconds):
@@ -63,7 +63,7 @@ for line in sys.stdin:
     if "call" in request:
         answer = call(request["call"], request["type"], request.get("fields", {}), request.get("seconds", 30))
     elif "watch" in request:
-        kept = heard[request["watch"]] = []
+        kept = received[request["watch"]] = []
         node.create_subscription(
             class_of(request["type"]), request["watch"], lambda m, kept=kept: kept.append((time.monotonic(), m)),
             QoSProfile(depth=1000, reliability=ReliabilityPolicy.BEST_EFFORT),
@@ -81,5 +81,5 @@ for line in sys.stdin:
         names = [name for name, _ in node.get_topic_names_and_types(no_demangle=True) if name[2:].startswith(request["graph"] + "/")]
         answer = [[name, len(node.get_publishers_info_by_topic(name, True)), len(node.get_subscriptions_info_by_topic(name, True))] for name in names]
     else:
-        answer = [[when, *(value(message, path) for path in request["fields"])] for when, message in list(heard[request["heard"]])]
+        answer = [[when, *(value(message, path) for path in request["fields"])] for when, message in list(received[request["received"]])]
     print(json.dumps(answer), flush=True)

@@ -30,7 +30,7 @@ DOMAIN = int(os.environ.get("TANDEM_TEST_DOMAIN") or free_domain())
 
 os.environ["ROS_DOMAIN_ID"] = str(DOMAIN)
 os.environ["ROS_AUTOMATIC_DISCOVERY_RANGE"] = "LOCALHOST"
-# Nodes that are told nothing else record here, not in the folder of whoever runs the tests.
+# Nodes that are given no other folder record here, not in the folder of whoever runs the tests.
 os.environ["XDG_DATA_HOME"] = tempfile.mkdtemp(prefix="tandem-tests-")
 os.environ["ROS_LOG_DIR"] = os.environ["XDG_DATA_HOME"] + "/log"
 RECORDINGS = pathlib.Path(os.environ["XDG_DATA_HOME"]) / "tandem/recordings"

@@ -78,7 +78,7 @@ def flood(number):
                        plan.call_async(GenerateGait.Request(behaviour="moonwalk"))]
             asked += len(futures)
             wait_until(lambda: all(future.done() for future in futures), 30, "every call is answered")
-            # It is armed already; nobody has heard of that gait.
+            # It is armed already; nobody has that gait.
             answered += sum(future.result().success == (future is not futures[2]) for future in futures)
             slowest = max(slowest, time.monotonic() - began)
     except BaseException as error:
@@ -151,7 +151,7 @@ class Stretch:
     def __init__(self, figures):
         self.cycles = int(figures[-1]["cycles"]) - int(figures[0]["cycles"])
         self.missed = int(figures[-1]["missed_cycles"]) - int(figures[0]["missed_cycles"])
-        # The first report tells of the second before.
+        # The first report is of the second before.
         column = lambda key: sorted(float(second[key]) for second in figures[1:])
         self.latency_median_us = column("recent_latency_median_us")[(len(figures) - 1) // 2]
         self.latency_p99_us = column("recent_latency_p99_us")
@@ -298,7 +298,7 @@ def test_values_that_cannot_be_are_refused_by_name(robot, client):
         log = robot.nodes[node]
         seen = log.text().count(expected)
         publisher = client.node.create_publisher(type(message), f"/abused/{topic}", qos)
-        wait_until(lambda: publisher.get_subscription_count() >= 1, 20, f"{topic} is heard")
+        wait_until(lambda: publisher.get_subscription_count() >= 1, 20, f"{topic} has a subscriber")
         deadline = time.monotonic() + 10
         while log.text().count(expected) == seen:
             publisher.publish(message)

@@ -37,7 +37,7 @@ def test_a_name_with_a_newline_fakes_no_line_of_the_log(client, controller):
         call(SetParameters, "controller/set_parameters", parameters=[Parameter(name=SPOILED)]).results[0].reason,
     ]  # fmt: skip
     gaits = client.node.create_publisher(Gait, "/bounds/gait", latched())
-    wait_until(lambda: gaits.get_subscription_count() == 1, 20, "the topic gait is heard")
+    wait_until(lambda: gaits.get_subscription_count() == 1, 20, "the topic gait has a subscriber")
     gaits.publish(Gait(name=SPOILED * 100))
     wait_until(lambda: re.search("gait .*refused", controller.text()), 20, controller.text)
     assert all(no_trick(answer) and "armed" in answer for answer in answers), answers

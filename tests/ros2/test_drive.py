@@ -11,7 +11,7 @@ from test_walk import Robot, best_effort, seconds
 
 
 class Driver:
-    """Publishes a velocity 50 times a second, as teleop_twist_keyboard and Nav2 do, until it is told to be silent."""
+    """Publishes a velocity 50 times a second, as teleop_twist_keyboard and Nav2 do, until it is asked to be silent."""
 
     def __init__(self, node):
         from geometry_msgs.msg import Twist
@@ -111,25 +111,25 @@ def test_it_is_driven_knows_where_it_is_stops_and_is_verified(robot, tmp_path):
     robot.driver.ask(0.2, 0.05, 0.3)
     walk_for(robot, 2, "speeding up")
     from_s = walk_for(robot, 4, "driving")
-    truth, told = since(robot.truth, from_s), since(robot.odometry, from_s)
+    truth, reported = since(robot.truth, from_s), since(robot.odometry, from_s)
     for got, asked, allowed in zip(means(truth), (0.2, 0.05, 0.3), (0.08, 0.04, 0.06), strict=True):
         assert got == pytest.approx(asked, abs=allowed), means(truth)
-    for got, true in zip(means(told), means(truth), strict=True):
-        assert got == pytest.approx(true, abs=0.03), (means(told), means(truth))
-    (far, turned), (told_far, told_turned) = moved(truth), moved(told)
-    print(f"driven {means(truth)}, went {far:.3f} m, odom says {told_far:.3f} m; turned {turned:.3f}, odom {told_turned:.3f} rad")
-    assert told_far == pytest.approx(far, abs=0.05) and told_turned == pytest.approx(turned, abs=0.05)
-    last = told[-1]
+    for got, true in zip(means(reported), means(truth), strict=True):
+        assert got == pytest.approx(true, abs=0.03), (means(reported), means(truth))
+    (far, turned), (reported_far, reported_turned) = moved(truth), moved(reported)
+    print(f"driven {means(truth)}, went {far:.3f} m, odom says {reported_far:.3f} m; turned {turned:.3f}, odom {reported_turned:.3f} rad")
+    assert reported_far == pytest.approx(far, abs=0.05) and reported_turned == pytest.approx(turned, abs=0.05)
+    last = reported[-1]
     assert (last.header.frame_id, last.child_frame_id) == ("odom", "base_link")
     assert all(0 < last.pose.covariance[7 * n] < 1 and 0 < last.twist.covariance[7 * n] < 1 for n in range(6))
-    assert len(told) >= 0.9 * len(truth), "50 a second"
+    assert len(reported) >= 0.9 * len(truth), "50 a second"
 
     # The planner is killed while it drives, and it is pushed by 30 N s.
     planner = robot.nodes.pop(0)
     planner.process.kill()
     planner.process.wait()
     pushes = robot.client.node.create_publisher(WrenchStamped, "push", 10)
-    robot.wait(lambda: pushes.get_subscription_count() == 1, 20, "the push is heard")
+    robot.wait(lambda: pushes.get_subscription_count() == 1, 20, "the push has a subscriber")
     push = WrenchStamped()
     push.wrench.force.y = 300.0
     from_s = robot.time()

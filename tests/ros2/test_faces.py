@@ -119,7 +119,7 @@ def robot(processes, ros):
     robot.close()
 
 
-class Heard:
+class Received:
     """What comes on every topic that the robot publishes, the newest last."""
 
     def __init__(self, node, namespace, slow=False):
@@ -159,17 +159,17 @@ class Heard:
 
 
 @pytest.fixture
-def heard(robot):
+def received(robot):
     """Time stands still: a thousand messages a second on each topic would be more than rclpy reads, and what it reads then is old."""
     robot.pause(True)
-    heard = Heard(robot.client.node, "/faced")
-    wait_until(lambda: heard["robot_description"] and heard["joint_states"], 20, "the robot")
-    yield heard
-    heard.close()
+    received = Received(robot.client.node, "/faced")
+    wait_until(lambda: received["robot_description"] and received["joint_states"], 20, "the robot")
+    yield received
+    received.close()
 
 
-def step_for(robot, heard, count):
-    """So many steps; returns the newest instant of which every topic tells, and what they tell: {topic: message}."""
+def step_for(robot, received, count):
+    """So many steps; returns the newest instant that every topic has, and its messages: {topic: message}."""
     for _ in range(count):
         step(robot)
     time.sleep(0.5)  # nothing is on its way any more
@@ -177,11 +177,11 @@ def step_for(robot, heard, count):
     names = ["joint_states", "joint_command", "imu", "odom", "clock", *(f"ground_force/{leg}" for leg in LEGS)]
 
     def common():
-        told = [{stamp(message): message for message in list(heard[name])} for name in names]
-        stamps = set.intersection(*map(set, told))
-        return {"at": max(stamps), **{name: messages[max(stamps)] for name, messages in zip(names, told, strict=True)}} if stamps else None
+        reported = [{stamp(message): message for message in list(received[name])} for name in names]
+        stamps = set.intersection(*map(set, reported))
+        return {"at": max(stamps), **{name: messages[max(stamps)] for name, messages in zip(names, reported, strict=True)}} if stamps else None
 
-    return wait_until(common, 10, lambda: f"an instant that every topic tells of: { {name: len(heard[name]) for name in names} }")
+    return wait_until(common, 10, lambda: f"an instant that every topic has: { {name: len(received[name]) for name in names} }")
 
 
 def step(robot):
@@ -191,18 +191,18 @@ def step(robot):
     assert response.success, response.message
 
 
-def test_a_paused_robot_is_stepped_and_every_topic_tells_of_the_same_instant(robot, heard):
+def test_a_paused_robot_is_stepped_and_every_topic_has_the_same_instant(robot, received):
     """Time stands still; each step is one millisecond, and what is published then fits together."""
     from std_srvs.srv import Trigger
 
-    (description,) = heard["robot_description"]
+    (description,) = received["robot_description"]
     assert description.data.startswith("<") and "<robot" in description.data and all(f'"{joint}"' in description.data for joint in JOINTS)
-    first = step_for(robot, heard, 12)["at"]
-    told = step_for(robot, heard, 10)
+    first = step_for(robot, received, 12)["at"]
+    reported = step_for(robot, received, 10)
     # Odometry comes every fifth millisecond; ten steps on, it is ten milliseconds later.
-    assert told["at"] == first + 10 and first <= 30
-    assert len({seconds(message.header.stamp) for message in heard["joint_states"]}) >= 20
-    state, command, imu, odom = (told[name] for name in ("joint_states", "joint_command", "imu", "odom"))
+    assert reported["at"] == first + 10 and first <= 30
+    assert len({seconds(message.header.stamp) for message in received["joint_states"]}) >= 20
+    state, command, imu, odom = (reported[name] for name in ("joint_states", "joint_command", "imu", "odom"))
     assert list(state.name) == list(command.name) == JOINTS
     assert len(state.position) == len(state.velocity) == len(state.effort) == 12
     # Disarmed: the drives give nothing, and are asked for nothing.
@@ -211,8 +211,8 @@ def test_a_paused_robot_is_stepped_and_every_topic_tells_of_the_same_instant(rob
     assert (imu.orientation, imu.header.frame_id) == (orientation, "left/imu_link")
     assert (odom.header.frame_id, odom.child_frame_id) == ("left/odom", "left/base_link")
     assert abs(math.hypot(orientation.x, orientation.y, orientation.z, orientation.w) - 1) < 1e-5
-    if "/tf" in heard.messages:
-        (transform,) = heard["/tf"][-1].transforms
+    if "/tf" in received.messages:
+        (transform,) = received["/tf"][-1].transforms
         assert (transform.header.frame_id, transform.child_frame_id) == ("left/odom", "left/base_link")
     # A step while time runs is refused.
     robot.pause(False)
@@ -233,16 +233,16 @@ def test_a_standing_robot_weighs_what_it_weighs_and_a_push_moves_it(robot):
     since = robot.time()
     robot.wait(lambda: robot.time() > since + 2.0, 30, "at rest")
     robot.pause(True)
-    heard = Heard(robot.client.node, "/faced")
-    wait_until(lambda: heard["robot_description"] and heard["joint_states"], 20, "the robot")
-    told = step_for(robot, heard, 12)
-    imu, forces = told["imu"], [told[f"ground_force/{leg}"].wrench.force for leg in LEGS]
+    received = Received(robot.client.node, "/faced")
+    wait_until(lambda: received["robot_description"] and received["joint_states"], 20, "the robot")
+    reported = step_for(robot, received, 12)
+    imu, forces = reported["imu"], [reported[f"ground_force/{leg}"].wrench.force for leg in LEGS]
     # It still settles a little.
     assert imu.linear_acceleration.z == pytest.approx(GRAVITY_M_S2, abs=0.6)
-    masses = re.findall(r'<mass value="([0-9.eE+-]+)"', heard["robot_description"][0].data)
+    masses = re.findall(r'<mass value="([0-9.eE+-]+)"', received["robot_description"][0].data)
     weight = GRAVITY_M_S2 * sum(map(float, masses))
     assert sum(force.z for force in forces) == pytest.approx(weight, rel=0.05) and all(force.z > 0.1 * weight for force in forces)
-    state, command = told["joint_states"], told["joint_command"]
+    state, command = reported["joint_states"], reported["joint_command"]
     torque = [
         kp * (want - position) + kd * (rate - velocity) + feed
         for kp, kd, want, rate, feed, position, velocity in zip(
@@ -253,26 +253,26 @@ def test_a_standing_robot_weighs_what_it_weighs_and_a_push_moves_it(robot):
     assert list(state.effort) == pytest.approx(torque, abs=2.0), "effort is the law's torque"
     said = robot.states[-1]
     assert said.mode == "standing" and len(said.tracking_error_rad) == len(said.commanded_torque_nm) == 12 and said.cycles > 1000
-    heard.close()
-    heard = Heard(robot.client.node, "/faced", slow=True)
+    received.close()
+    received = Received(robot.client.node, "/faced", slow=True)
     robot.pause(False)
-    wait_until(lambda: heard["real_time_factor"] and heard["real_time_factor"][-1].data > 0, 10, "real_time_factor")
-    names = lambda: {status.name for message in heard["/diagnostics"] for status in message.status}
+    wait_until(lambda: received["real_time_factor"] and received["real_time_factor"][-1].data > 0, 10, "real_time_factor")
+    names = lambda: {status.name for message in received["/diagnostics"] for status in message.status}
     loops = ("/faced/controller: control loop", "/faced/sim_bridge: simulation")
     wait_until(lambda: set(loops) <= names(), 10, lambda: f"{names()}")
 
     events = []
     robot.client.node.create_subscription(ParameterEvent, "/parameter_events", events.append, 10)
     publisher = robot.client.node.create_publisher(WrenchStamped, "/faced/push", 10)
-    wait_until(lambda: publisher.get_subscription_count() == 1, 20, "push is heard")
+    wait_until(lambda: publisher.get_subscription_count() == 1, 20, "push has a subscriber")
     set_ = robot.service(SetParameters, "sim_bridge/set_parameters")
     moved = {}
     for duration_s in (0.02, 0.1):
         changed = Parameter(name="push_duration_s", value=ParameterValue(type=3, double_value=duration_s))
         request = SetParameters.Request(parameters=[changed])
-        told = lambda d=duration_s: any(p.value.double_value == d for e in list(events) for p in e.changed_parameters)
-        # The first event may be told before the subscription of this moment is matched: then it is set once more.
-        wait_until(lambda: robot.client.call(set_, request).results[0].successful and told(), 20, "a parameter event")
+        reported = lambda d=duration_s: any(p.value.double_value == d for e in list(events) for p in e.changed_parameters)
+        # The first event may be sent before the subscription of this moment is matched: then it is set once more.
+        wait_until(lambda: robot.client.call(set_, request).results[0].successful and reported(), 20, "a parameter event")
         push = WrenchStamped()
         push.wrench.force.y = 150.0
         sideways = lambda: max((message.twist.twist.linear.y for message in list(robot.odometry)), default=0.0)
@@ -289,7 +289,7 @@ def test_a_standing_robot_weighs_what_it_weighs_and_a_push_moves_it(robot):
     assert robot.mode() == "standing"
 
     # Once a second: of the control cycles, which follow the simulation here, and of the wall clock.
-    said = lambda name: [status for message in list(heard["/diagnostics"]) for status in message.status if status.name == name]
+    said = lambda name: [status for message in list(received["/diagnostics"]) for status in message.status if status.name == name]
     came = []
     note = lambda message: came.append(time.monotonic()) if any(status.name == loops[1] for status in message.status) else None
     robot.client.node.create_subscription(DiagnosticArray, "/diagnostics", note, 10)
@@ -298,7 +298,7 @@ def test_a_standing_robot_weighs_what_it_weighs_and_a_push_moves_it(robot):
     assert {after - before for before, after in itertools.pairwise(cycles)} == {1000}, cycles
     gaps = sorted(after - before for before, after in itertools.pairwise(came))
     assert gaps[len(gaps) // 2] == pytest.approx(1.0, abs=0.2), gaps
-    heard.close()
+    received.close()
 
 
 def test_the_ground_is_the_one_that_the_parameters_name(processes, client):
@@ -326,7 +326,7 @@ def test_the_ground_is_the_one_that_the_parameters_name(processes, client):
         client.node.create_subscription(Imu, f"{namespace}/imu", attitude.append, best_effort(1))
         publisher = client.node.create_publisher(WrenchStamped, f"{namespace}/push", 10)
         pause = client.service(SetBool, f"{namespace}/pause")
-        wait_until(lambda: publisher.get_subscription_count() == 1, 20, "push is heard")
+        wait_until(lambda: publisher.get_subscription_count() == 1, 20, "push has a subscriber")
         assert client.call(pause, SetBool.Request(data=False)).success
         now = lambda odometry=odometry: seconds(odometry[-1].header.stamp) if odometry else 0.0
         wait_until(lambda: now() > 1.0 and attitude, 30, "it lies")
@@ -337,12 +337,12 @@ def test_the_ground_is_the_one_that_the_parameters_name(processes, client):
         wait_until(lambda: now() > since + 2.0, 30, "the push is over")
         came[terrain] = odometry[-1].pose.pose.position.x
         assert bridge.stop() == 0, bridge.text()
-    told = f"came m {came}, pitch deg {leaned}, height m {lay}"
-    print(told)
-    assert abs(leaned["flat"]) < 1 and leaned["slope"] == pytest.approx(10, abs=2), told
-    assert abs(lay["rough"] - lay["flat"]) > 0.02 and abs(lay["steps"] - lay["flat"]) < 0.005, told
+    reported = f"came m {came}, pitch deg {leaned}, height m {lay}"
+    print(reported)
+    assert abs(leaned["flat"]) < 1 and leaned["slope"] == pytest.approx(10, abs=2), reported
+    assert abs(lay["rough"] - lay["flat"]) > 0.02 and abs(lay["steps"] - lay["flat"]) < 0.005, reported
     # The first stair, as high as a wall, stands a metre in front of the origin.
-    assert came["flat"] > 1.2 and came["slope"] > came["flat"] + 0.3 and came["steps"] < 1.0, told
+    assert came["flat"] > 1.2 and came["slope"] > came["flat"] + 0.3 and came["steps"] < 1.0, reported
 
 
 def test_a_gait_file_is_loaded_walked_recorded_and_stopped_by_either_emergency_stop(robot, tmp_path):
@@ -372,7 +372,7 @@ def test_a_gait_file_is_loaded_walked_recorded_and_stopped_by_either_emergency_s
     assert not call(StopRecording, "stop_recording").success
 
     publisher = robot.client.node.create_publisher(Bool, "/faced/emergency_stop", 1)
-    wait_until(lambda: publisher.get_subscription_count() == 1, 20, "emergency_stop is heard")
+    wait_until(lambda: publisher.get_subscription_count() == 1, 20, "emergency_stop has a subscriber")
     by_topic = lambda pressed: publisher.publish(Bool(data=pressed))
     by_service = lambda pressed: call(SetBool, "emergency_stop", data=pressed)
     time.sleep(0.5)
@@ -416,7 +416,7 @@ def test_a_controller_alone_hears_every_topic_that_it_subscribes_to(client, proc
     client.node.create_subscription(ControllerState, "/alone/controller_state", states.append, 10)
     kinds = {"joint_states": JointState, "imu": Imu, "odom": Odometry, **{f"ground_force/{leg}": WrenchStamped for leg in LEGS}}
     publishers = {name: client.node.create_publisher(kind, f"/alone/{name}", 10) for name, kind in kinds.items()}
-    wait_until(lambda: all(publisher.get_subscription_count() == 1 for publisher in publishers.values()), 30, "it hears all")
+    wait_until(lambda: all(publisher.get_subscription_count() == 1 for publisher in publishers.values()), 30, "it subscribes to all")
     stamp = lambda cycle: Time(sec=cycle // 1000, nanosec=cycle % 1000 * 1_000_000)
     assert client.call(client.service(StartRecording, "/alone/start_recording"), StartRecording.Request(folder="alone")).success
     cycle = 0

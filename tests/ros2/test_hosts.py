@@ -46,7 +46,7 @@ def cable(state):
 
 
 class Host:
-    """Programs on one host, and an rclpy node there that does what it is told."""
+    """Programs on one host, and an rclpy node there that does what it is asked."""
 
     def __init__(self, name, folder):
         self.name, self.folder, self.started = name, folder, []
@@ -194,7 +194,7 @@ def test_walking_survives_a_cut_cable_and_a_killed_planner(hosts, tmp_path):
         robot.ask(watch="/odom", type="nav_msgs/msg/Odometry")
         planner.ask(watch="/controller_state", type="tandem_msgs/msg/ControllerState")
 
-        states = lambda: robot.ask(heard="/controller_state", fields=["mode", "fault", "gait", "step_index", "missed_cycles"])
+        states = lambda: robot.ask(received="/controller_state", fields=["mode", "fault", "gait", "step_index", "missed_cycles"])
         mode = lambda: (states() or [[0, "silent"]])[-1][1]
         generate = lambda gait, seconds=40: robot.call(
             "/generate_gait", "tandem_msgs/srv/GenerateGait", seconds, behaviour=gait
@@ -217,11 +217,11 @@ def test_walking_survives_a_cut_cable_and_a_killed_planner(hosts, tmp_path):
         cable("down")
         time.sleep(2)
         assert states()[-1][4] > steps, "it walked on while the cable was out"
-        heard_before = len(planner.ask(heard="/controller_state", fields=["mode"]))
+        received_before = len(planner.ask(received="/controller_state", fields=["mode"]))
         up = time.monotonic()
         cable("up")
         ip("-n", PLANNER, "route", "replace", "239.255.0.0/16", "dev", "to_robot")
-        wait_until(lambda: len(planner.ask(heard="/controller_state", fields=["mode"])) > heard_before, 60, "topics cross again")
+        wait_until(lambda: len(planner.ask(received="/controller_state", fields=["mode"])) > received_before, 60, "topics cross again")
         topics = time.monotonic() - up
         again = generate("gait1", 60)
         assert again["success"], again
@@ -247,7 +247,7 @@ def test_walking_survives_a_cut_cable_and_a_killed_planner(hosts, tmp_path):
         during = [state for state in states() if state[0] >= walking_since]
         assert {state[1] for state in during} == {"walking"} and {state[2] for state in during} == {""}, during[-1]
         poses = robot.ask(
-            heard="/odom", fields=["pose.pose.position.z", "pose.pose.orientation.x", "pose.pose.orientation.y", "header.stamp.sec"]
+            received="/odom", fields=["pose.pose.position.z", "pose.pose.orientation.x", "pose.pose.orientation.y", "header.stamp.sec"]
         )
         walked = [pose for pose in poses if pose[0] >= walking_since]
         assert all(z > 0.35 and 1 - 2 * (x * x + y * y) > math.cos(0.8) for _, z, x, y, _ in walked), "it fell"

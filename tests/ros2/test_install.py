@@ -140,9 +140,9 @@ def test_ros_2_launches_the_simulation(client, launched):
     from test_walk import best_effort
 
     process = launched("simulation", "namespace:=sim", "terrain:=rough", "initial_posture:=stand")
-    heard = []
-    client.node.create_subscription(JointState, "/sim/joint_states", heard.append, best_effort(1))
-    wait_until(lambda: heard, 40, process.text)
+    received = []
+    client.node.create_subscription(JointState, "/sim/joint_states", received.append, best_effort(1))
+    wait_until(lambda: received, 40, process.text)
     wait_until(lambda: names_in(client, "/sim") >= {"planner", "controller", "sim_bridge"}, 20, process.text)
     expected = {"mode": "realtime", "terrain": "rough", "initial_posture": "stand"}
     assert values_of(client, "/sim/sim_bridge", expected) == expected
@@ -191,11 +191,11 @@ def test_ros_2_launches_a_replay(client, launched, tmp_path):
     subprocess.run([tandem, "plan", "gait1", "-o", tmp_path / "gait1.json"], check=True, capture_output=True, cwd=ROOT)
     command = [tandem, "simulate", tmp_path / "gait1.json", "--seconds", "10", "--bag", tmp_path / "run"]
     subprocess.run(command, check=True, capture_output=True, cwd=ROOT)
-    heard = []
-    client.node.create_subscription(JointState, "/joint_states", heard.append, best_effort(10))
+    received = []
+    client.node.create_subscription(JointState, "/joint_states", received.append, best_effort(10))
     process = launched("replay", f"bag:={tmp_path / 'run'}", "rate:=2.0")
-    wait_until(lambda: len(heard) > 100, 30, process.text)
-    assert len(heard[-1].name) == 12 and len(heard[-1].position) == 12
+    wait_until(lambda: len(received) > 100, 30, process.text)
+    assert len(received[-1].name) == 12 and len(received[-1].position) == 12
     wait_until(lambda: not process.alive(), 30, process.text)
     assert process.process.returncode == 0 and "process has finished cleanly" in process.text(), process.text()
 

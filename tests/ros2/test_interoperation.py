@@ -245,7 +245,7 @@ def test_every_severity_reaches_rosout(client, processes):
         assert client.call(service, SetBool.Request(data=data)).success == data
     said = lambda: {(line.level, line.msg) for line in list(lines) if line.name == "talker" and line.msg.startswith("call")}
     expected = {(10, "call 1"), (10, "call 2"), (40, "call 2 failed, as it was asked to")}
-    wait_until(lambda: said() == expected, 10, lambda: f"{expected}, heard {said()}")
+    wait_until(lambda: said() == expected, 10, lambda: f"{expected}, received {said()}")
     client.node.destroy_subscription(subscription)
     talker.stop()
 
@@ -293,7 +293,7 @@ def test_a_killed_subscriber_does_not_stop_the_publisher(client, exercise, proce
 
 
 def test_a_signal_that_comes_twice_at_once_is_one_wish(processes):
-    """A terminal tells the whole process group, and a launch system tells its nodes once more."""
+    """A terminal signals the whole process group, and a launch system signals its nodes once more."""
     import signal
 
     process = processes("tandem_controller", "--ros-args", "-r", "__ns:=/twice")

@@ -1,4 +1,4 @@
-"""Subscriptions of rclpy's default quality of service (reliable, volatile, depth 10) to everything that the nodes say: they hear it,
+"""Subscriptions of rclpy's default quality of service (reliable, volatile, depth 10) to everything that the nodes publish: they receive it,
 and neither their coming and going nor one that has stalled stops anybody."""
 
 import json
@@ -24,11 +24,11 @@ names, seconds, stay = sys.argv[1].split(","), float(sys.argv[2]), len(sys.argv)
 rclpy.init()
 node = rclpy.create_node("joining")
 seen, first, count = {}, {}, {}
-def heard(name):
-    def hear(message):
+def received(name):
+    def receive(message):
         first.setdefault(name, time.monotonic())
         count[name] = count.get(name, 0) + 1
-    return hear
+    return receive
 begun = time.monotonic()
 def over():
     return not stay and (time.monotonic() > begun + seconds or len(first) == len(names))
@@ -38,7 +38,7 @@ while not over():
         for name in names:
             if name not in seen and name in known and node.count_publishers(name):
                 package, _, kind = known[name][0].split("/")
-                node.create_subscription(getattr(importlib.import_module(package + ".msg"), kind), name, heard(name), 10)
+                node.create_subscription(getattr(importlib.import_module(package + ".msg"), kind), name, received(name), 10)
                 seen[name] = time.monotonic()
         if stay and len(seen) == len(names):
             print("ready", flush=True)
@@ -103,7 +103,7 @@ def test_a_stalled_reliable_subscriber_stops_nobody(processes, ros, mode):
         assert process.stdout.readline() == "ready\n"
         time.sleep(1)
         process.send_signal(signal.SIGSTOP)
-        began, from_s, heard = time.monotonic(), robot.time(), len(robot.odometry)
+        began, from_s, received = time.monotonic(), robot.time(), len(robot.odometry)
         longest, last = 0.0, (began, from_s)
         while time.monotonic() < began + STALLED_S:
             robot.check()
@@ -112,9 +112,9 @@ def test_a_stalled_reliable_subscriber_stops_nobody(processes, ros, mode):
                 longest, last = max(longest, now[0] - last[0]), now
             time.sleep(0.01)
         walked = robot.time() - from_s
-        print(f"{mode}: {walked:.1f} s simulated in {STALLED_S} s, {len(robot.odometry) - heard} odometry, longest standstill {longest:.3f} s")
+        print(f"{mode}: {walked:.1f} s simulated in {STALLED_S} s, {len(robot.odometry) - received} odometry, longest standstill {longest:.3f} s")
         assert walked > 0.3 * STALLED_S and longest < 2
-        # Once it goes on, the simulation does as well, and it is heard out.
+        # Once it goes on, the simulation does as well, and what it published is received.
         process.send_signal(signal.SIGCONT)
         before = robot.time()
         robot.wait(lambda: robot.time() > before + 1, 30, "simulated time after the stalled one goes on")

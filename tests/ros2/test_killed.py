@@ -17,19 +17,19 @@ from test_walk import best_effort, seconds
 # A killed node stays in others' graphs for a while: the tests after these must not meet it.
 NAMESPACE = "/killed"
 CYCLE_S = 0.001
-# command_timeout_s of the bridge and state_timeout_s of the controller: what is not heard for so long means damping.
+# command_timeout_s of the bridge and state_timeout_s of the controller: what is not received for so long means damping.
 TIMEOUT_CYCLES = 1000
 # From a look at the newest stamp to the process's end: wall time, in simulated cycles.
 SLACK_CYCLES = 80
 # Between two messages of controller_state.
 STATE_CYCLES = 20
-# A drive without commands gives -kd v; the velocity that is told is that after the physics step.
+# A drive without commands gives -kd v; the velocity that is reported is that after the physics step.
 DAMPING_NM_S_PER_RAD = 5.0
 DAMPING_TOLERANCE_NM = 1.5
 
 
 class Robot:
-    """The nodes in realtime, each to be killed by itself, and every joint state and controller state that was heard."""
+    """The nodes in realtime, each to be killed by itself, and every joint state and controller state that was received."""
 
     def __init__(self, processes, ros):
         from sensor_msgs.msg import JointState
@@ -202,8 +202,8 @@ def test_a_second_publisher_of_joint_states_is_a_clock_jump(robot):
     assert seconds(message.header.stamp) > 2.0
     message.header.stamp = Time(sec=1)
 
-    # controller_state counts the controller's own cycles; a change of mode is told at once. The controller's side of
-    # the match follows the publisher's: what is said before that is not heard, and is said again.
+    # controller_state counts the controller's own cycles; a change of mode is published at once. The controller's side
+    # of the match follows the publisher's: what is published before that is not received, and is published again.
     def said_and_noticed():
         before = robot.states[-1].cycles
         second.publish(message)

@@ -91,7 +91,7 @@ def test_a_node_says_what_rclpys_own_lifecycle_node_says(client, processes, refe
     time.sleep(0.3)
     assert managed.state() == (1, "unconfigured")
     assert walk_through(managed) == reference
-    # Each change is told twice: on the way and done.
+    # Each change is reported twice: on the way and done.
     path = [(event.start_state.label, event.goal_state.label) for event in managed.events]
     assert path[:4] == [
         ("unconfigured", "configuring"), ("configuring", "inactive"), ("inactive", "activating"), ("activating", "active"),
@@ -99,7 +99,7 @@ def test_a_node_says_what_rclpys_own_lifecycle_node_says(client, processes, refe
     assert path[-1] == ("shuttingdown", "finalized")
     assert all(before[1] == after[0] for before, after in zip(path, path[1:]))
     assert all(abs(event.timestamp * 1e-9 - time.time()) < 120 and event.transition.id for event in managed.events)
-    assert process.alive(), "a finalized node stays until it is told to go"
+    assert process.alive(), "a finalized node stays until it is asked to go"
     assert process.stop() == 0, process.text()
 
 

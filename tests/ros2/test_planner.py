@@ -21,7 +21,7 @@ def planner(processes, client):
 
 
 class Goals(ActionUser):
-    """rclpy's action client, and what it hears."""
+    """rclpy's action client, and what it receives."""
 
     def __init__(self, namespace):
         from tandem_msgs.action import GenerateGait
@@ -51,21 +51,21 @@ def test_a_goal_succeeds_with_feedback_for_every_iteration_and_its_gait_on_the_t
     from tandem_msgs.msg import Gait
     from test_walk import latched
 
-    gaits, heard, statuses = [], [], []
+    gaits, received, statuses = [], [], []
     # What `ros2 action` and dashboards read.
     client.node.create_subscription(GoalStatusArray, "/planning/generate_gait/_action/status", statuses.append, latched())
     client.node.create_subscription(Gait, "/planning/gait", gaits.append, latched())
-    handle = goals.send(lambda message: heard.append(message.feedback), behaviour="amble", speed_m_s=[0.3])
+    handle = goals.send(lambda message: received.append(message.feedback), behaviour="amble", speed_m_s=[0.3])
     assert handle.accepted
     answer = goals.result(handle)
     assert answer.status == GoalStatus.STATUS_SUCCEEDED
     result = answer.result
     assert result.success and result.status == "converged" and result.solver.status == "converged"
-    wait_until(lambda: len(heard) >= result.solver.iterations, 5, lambda: f"{[feedback.iteration for feedback in heard]} of {result.solver.iterations}")
-    numbers = [feedback.iteration for feedback in heard]
+    wait_until(lambda: len(received) >= result.solver.iterations, 5, lambda: f"{[feedback.iteration for feedback in received]} of {result.solver.iterations}")
+    numbers = [feedback.iteration for feedback in received]
     assert numbers == list(range(numbers[0], numbers[0] + len(numbers))) and numbers[-1] == result.solver.iterations, numbers
-    assert heard[-1].max_violation <= 1e-5 and heard[0].max_violation > heard[-1].max_violation
-    assert all(later.elapsed_s > earlier.elapsed_s for earlier, later in zip(heard, heard[1:]))
+    assert received[-1].max_violation <= 1e-5 and received[0].max_violation > received[-1].max_violation
+    assert all(later.elapsed_s > earlier.elapsed_s for earlier, later in zip(received, received[1:]))
     wait_until(lambda: any(gait.header.stamp == result.gait_stamp for gait in gaits), 5, "the gait on its topic")
     of_goal = lambda: [goal.status for message in statuses for goal in message.status_list if bytes(goal.goal_info.goal_id.uuid) == bytes(handle.goal_id.uuid)]
     wait_until(lambda: GoalStatus.STATUS_SUCCEEDED in of_goal(), 5, lambda: f"its end on the status topic: {of_goal()}")
@@ -75,7 +75,7 @@ def test_a_goal_succeeds_with_feedback_for_every_iteration_and_its_gait_on_the_t
     wait_until(lambda: gaits[-1].header.stamp == sloped.gait_stamp, 5, "the gait on its topic")
     assert json.loads(gaits[-1].request_json)["slope_rad"] == 0.05
     assert gaits[-1].reference_coefficients_rad == gaits[-1].coefficients_rad
-    # Who asks once more, and who asks late, hear the same.
+    # Who asks once more, and who asks late, receive the same.
     assert goals.result(handle).result == result
 
 
@@ -301,7 +301,7 @@ def test_gaits_are_stamped_by_the_simulations_clock_where_it_is_asked_for(client
     generate = client.service(GenerateGait, "/simulated/generate_gait")
 
     def stamp_at(time_s):
-        """Of a gait planned while the clock says this; before it is heard it is 0 there."""
+        """Of a gait planned while the clock says this; before it is received it is 0 there."""
         message, deadline = Clock(), time.monotonic() + 20
         message.clock.sec, message.clock.nanosec = int(time_s), int(1e9 * (time_s % 1))
         while time.monotonic() < deadline:

@@ -129,7 +129,7 @@ def test_another_publisher_of_commands_that_appears_is_a_fault_until_it_left(pro
 
 
 def test_two_controllers_that_start_at_once_are_never_both_content(processes, ros):
-    """Where neither hears the other while it listens, each does when the publishers are there."""
+    """Where neither receives the other's messages while it listens, each does when the publishers are there."""
     twins = [start(processes, "tandem_controller", *TIMEOUTS, namespace="/twins", name=f"twin{n}") for n in range(2)]
     refused = "another program publishes joint_command"
     fault = "fault second_controller: saw 1.0000 other publishers of joint_command"
@@ -160,9 +160,9 @@ def test_inputs_that_lie_are_refused_with_the_true_reason_or_understood(processe
 
     namespace = f"/lies/{lie}"
     node = start(processes, "tandem_controller", *TIMEOUTS, namespace=namespace, name=lie)
-    client, told = Client(f"driver_{lie}"), []
+    client, reported = Client(f"driver_{lie}"), []
     client.node.create_subscription(
-        DiagnosticArray, "/diagnostics", lambda array: told.extend(s.message for s in array.status if namespace in s.name), 100
+        DiagnosticArray, "/diagnostics", lambda array: reported.extend(s.message for s in array.status if namespace in s.name), 100
     )
     joints = client.node.create_publisher(JointState, f"{namespace}/joint_states", 10)
     imu = client.node.create_publisher(Imu, f"{namespace}/imu", 10)
@@ -206,7 +206,7 @@ def test_inputs_that_lie_are_refused_with_the_true_reason_or_understood(processe
     else:
         assert not answer.success and reason in answer.message, answer.message
         assert reason in node.text(), node.text()
-        wait_until(lambda: any(reason in message for message in told), 5, lambda: f"{reason} in the diagnostics: {told[-5:]}")
+        wait_until(lambda: any(reason in message for message in reported), 5, lambda: f"{reason} in the diagnostics: {reported[-5:]}")
     client.node.destroy_timer(timer)
     end([node], client)
 

@@ -1,4 +1,4 @@
-"""The emergency stop against others on its topic, while the robot walks on the wall clock, and nodes that are told to end.
+"""The emergency stop against others on its topic, while the robot walks on the wall clock, and nodes that are asked to end.
 
 TANDEM_STOP_TRIES=50 presses fifty times for each delay; a run of all tests presses five times.
 """
@@ -46,7 +46,7 @@ class Robot:
         ]
         self.controller = self.nodes[1]
         self.client, self.other = Client("presser"), Client("other")
-        self.client.node.create_subscription(ControllerState, name("controller_state"), self.heard, 100)
+        self.client.node.create_subscription(ControllerState, name("controller_state"), self.received, 100)
         self.press = self.client.node.create_publisher(Bool, name("emergency_stop"), 10)
         self.release = self.other.node.create_publisher(Bool, name("emergency_stop"), 10)
         self.services = {}
@@ -55,7 +55,7 @@ class Robot:
         chosen = [part for parameter in parameters for part in ("-p", parameter)]
         return processes(program, "--ros-args", "-r", f"__ns:={NAMESPACE}", *chosen)
 
-    def heard(self, state):
+    def received(self, state):
         self.states.append((time.monotonic(), state))
 
     def call(self, type_, name, request):
@@ -145,10 +145,10 @@ def test_a_press_is_not_lost_when_another_publisher_says_false_at_once(robot):
     took = {}
     for delay_ms in (0.0, 0.5, 2.0, 10.0):
         took[delay_ms] = [pressed_and_taken_back(robot, delay_ms / 1e3) for _ in range(TRIES)]
-        heard = [seconds for seconds in took[delay_ms] if seconds is not None]
+        received = [seconds for seconds in took[delay_ms] if seconds is not None]
         print(
-            f"false {delay_ms} ms after the press: damped {len(heard)} of {TRIES}, "
-            f"seen after {1e3 * statistics.median(heard or [0]):.1f} ms (median), {1e3 * max(heard or [0]):.1f} ms (most)",
+            f"false {delay_ms} ms after the press: damped {len(received)} of {TRIES}, "
+            f"seen after {1e3 * statistics.median(received or [0]):.1f} ms (median), {1e3 * max(received or [0]):.1f} ms (most)",
             flush=True,
         )
     assert all(seconds is not None for tries in took.values() for seconds in tries), took

@@ -1,4 +1,4 @@
-"""Two robots side by side in one domain, told apart by namespace and prefixes: both walk, and neither notices the other."""
+"""Two robots side by side in one domain, distinguished by namespace and prefixes: both walk, and neither notices the other."""
 
 import importlib.util
 import time
@@ -50,7 +50,7 @@ def test_two_robots_walk_in_one_domain(robots, ros):
     for robot in (left, right):
         walked = [message for message in robot.odometry if seconds(message.header.stamp) >= began[robot][0]]
         assert walked and all(upright(message) for message in walked), "it fell"
-    # Each heard its own gait, joints and frames, and nobody else's.
+    # Each received its own gait, joints and frames, and nobody else's.
     assert {gait.name for gait in left.gaits} == {"amble"} and {gait.name for gait in right.gaits} == {"gait1"}
     for side, robot in robots.items():
         assert all(name.startswith(f"{side}_") for name in robot.joint_names)
@@ -60,7 +60,7 @@ def test_two_robots_walk_in_one_domain(robots, ros):
         assert frames == {(f"{side}/odom", f"{side}/base_link") for side in robots}
     # One is stopped, the other walks on.
     stop = left.client.node.create_publisher(Bool, "/left/emergency_stop", 1)
-    wait_until(lambda: stop.get_subscription_count() == 1, 20, "the emergency stop is heard")
+    wait_until(lambda: stop.get_subscription_count() == 1, 20, "the emergency stop has a subscriber")
     time.sleep(0.2)
     stop.publish(Bool(data=True))
     wait_until(lambda: left.mode() == "damping", 20, "left is damped")

@@ -34,7 +34,7 @@ def seconds(stamp):
 
 
 class Robot:
-    """The three nodes in a namespace, and what is heard of them."""
+    """The three nodes in a namespace, and what is received of them."""
 
     def __init__(self, processes, ros, namespace, planner=True, parameters=(), controller=(), mode="lockstep"):
         import rclpy
@@ -251,7 +251,7 @@ def test_the_same_run_twice_is_the_same_to_the_bit(processes, ros):
 
     first, second = run("/first"), run("/second")
     common = sorted(stamp for stamp in first.keys() & second.keys() if stamp <= 8)
-    assert len(common) > 300, f"{len(common)} of 400 messages were heard both times"
+    assert len(common) > 300, f"{len(common)} of 400 messages were received both times"
     different = [stamp for stamp in common if first[stamp] != second[stamp]]
     assert not different, f"the runs part at {different[0]} s"
     assert max(first[stamp][0] for stamp in common) > 0.3, "it walked"

@@ -27,7 +27,7 @@ TRIGGER, SET_BOOL, JOINTS = "std_srvs/srv/Trigger", "std_srvs/srv/SetBool", "sen
 PATIENCE_S = 30
 # How long somebody who is kept out tries; who is let in is there in 2 s.
 KEPT_OUT_S = 8
-# Shorter than the 20 s for which a peer on Fast DDS that is not heard is kept (docs/security.md).
+# Shorter than the 20 s for which a peer on Fast DDS that is not received is kept (docs/security.md).
 OUTAGE_S = float(os.environ.get("TANDEM_OUTAGE_S", "10"))
 HEADER = bytes([0, 1, 0, 0])
 
@@ -165,15 +165,15 @@ def overheard(found):
 def test_a_topic_goes_both_ways_and_nobody_else_can_read_it(bench):
     exercise(bench)
     sent = joint_state("shoulder_of_the_robot")
-    heard = []
-    with overheard(heard):
+    received = []
+    with overheard(received):
         listener = bench.peer("remote", "listen", "/fast_output", JOINTS)
         bench.peer("remote", "talk", "/fast_input", JOINTS, sent)
         listener.wait_for("sample " + sent.hex())
         time.sleep(1)
-    if heard:
-        assert len(heard[0]) > 10_000, "nothing was overheard, not even what is encrypted"
-        assert b"shoulder_of_the_robot" not in heard[0]
+    if received:
+        assert len(received[0]) > 10_000, "nothing was overheard, not even what is encrypted"
+        assert b"shoulder_of_the_robot" not in received[0]
 
 
 def test_a_service_of_ours_answers_a_payload_that_is_no_multiple_of_four(bench):

@@ -193,7 +193,7 @@ void call(DataWriter *out, DataReader *in, Bytes bytes, Clock::time_point end) {
   if (out == nullptr || in == nullptr) return say("forbidden");
   while (!(has_match(out) && has_match(in))) {
     if (Clock::now() >= end) {
-      // Says it all the same: whether it is heard is the other side's to decide.
+      // Says it all the same: whether it is received is the other side's to decide.
       out->write(&bytes);
       std::this_thread::sleep_for(std::chrono::seconds(1));
       return say("unmatched");
