@@ -12,14 +12,16 @@ use crate::data_file::{DataFile, SqliteMode};
 /// Rows fetched at a time.
 const PAGE: i64 = 512;
 
+/// The topic rows' ids, which may be any number, to the keys of the channels.
+type TopicKeys = BTreeMap<i64, u16>;
+
 #[derive(Debug)]
 pub(crate) struct SqliteFile {
     path: PathBuf,
     connection: Connection,
     pub(crate) channels: BTreeMap<u16, Channel>,
     pub(crate) span_ns: Option<(u64, u64)>,
-    /// The topic rows' ids, which may be any number, to the keys of `channels`.
-    ids: BTreeMap<i64, u16>,
+    ids: TopicKeys,
     page: VecDeque<(u16, Message)>,
     /// Stamp and row of the last message given out.
     after: (i64, i64),
@@ -39,62 +41,11 @@ impl SqliteFile {
         }
         let qos_column =
             if columns.iter().any(|name| name == "offered_qos_profiles") { "offered_qos_profiles" } else { "''" };
-        let mut channels = BTreeMap::new();
-        let mut ids = BTreeMap::new();
-        {
-            let query = format!("SELECT id, name, type, serialization_format, {qos_column} FROM topics ORDER BY id");
-            let mut statement = connection.prepare(&query).map_err(wrap)?;
-            let mut rows = statement.query([]).map_err(wrap)?;
-            while let Some(row) = rows.next().map_err(wrap)? {
-                let id: i64 = row.get(0).map_err(wrap)?;
-                let key = u16::try_from(channels.len())
-                    .map_err(|_| BagError::bad_file(path, "more than 65535 topics; expected fewer"))?;
-                let qos: String = row.get(4).map_err(wrap)?;
-                ids.insert(id, key);
-                channels.insert(
-                    key,
-                    Channel {
-                        topic: row.get(1).map_err(wrap)?,
-                        type_name: row.get(2).map_err(wrap)?,
-                        schema: None,
-                        message_encoding: row.get(3).map_err(wrap)?,
-                        about: BTreeMap::from([(OFFERED.to_owned(), qos)]),
-                        messages: 0,
-                    },
-                );
-            }
-        }
+        let (mut channels, ids) = read_topics(path, &connection, qos_column)?;
         if !self::columns(&connection, "message_definitions").map_err(wrap)?.is_empty() {
-            let query = "SELECT topic_type, encoding, encoded_message_definition FROM message_definitions";
-            let mut statement = connection.prepare(query).map_err(wrap)?;
-            let mut rows = statement.query([]).map_err(wrap)?;
-            while let Some(row) = rows.next().map_err(wrap)? {
-                let type_name: String = row.get(0).map_err(wrap)?;
-                let encoding: String = row.get(1).map_err(wrap)?;
-                let text: String = row.get(2).map_err(wrap)?;
-                for channel in channels.values_mut().filter(|channel| channel.type_name == type_name) {
-                    let (name, encoding, data) = (type_name.clone(), encoding.clone(), text.clone().into_bytes());
-                    channel.schema = Some(Schema { name, encoding, data });
-                }
-            }
+            read_definitions(&connection, &mut channels).map_err(wrap)?;
         }
-        let mut span_ns = None;
-        {
-            let query = "SELECT topic_id, count(*), min(timestamp), max(timestamp) FROM messages GROUP BY topic_id";
-            let mut statement = connection.prepare(query).map_err(wrap)?;
-            let mut rows = statement.query([]).map_err(wrap)?;
-            while let Some(row) = rows.next().map_err(wrap)? {
-                let id: i64 = row.get(0).map_err(wrap)?;
-                let channel = ids.get(&id).and_then(|key| channels.get_mut(key)).ok_or_else(|| {
-                    BagError::bad_file(path, format!("messages of topic {id}, which the table 'topics' does not list"))
-                })?;
-                channel.messages = row.get::<_, i64>(1).map_err(wrap)? as u64;
-                let start = stamp(path, row.get(2).map_err(wrap)?)?;
-                let end = stamp(path, row.get(3).map_err(wrap)?)?;
-                let (first, last) = span_ns.unwrap_or((start, end));
-                span_ns = Some((start.min(first), end.max(last)));
-            }
-        }
+        let span_ns = read_counts(path, &connection, &mut channels, &ids)?;
         Ok(SqliteFile {
             path: path.to_owned(),
             connection,
@@ -132,6 +83,81 @@ impl SqliteFile {
         }
         Ok(self.page.pop_front())
     }
+}
+
+/// The recording's topics, and their rows' ids.
+fn read_topics(
+    path: &Path,
+    connection: &Connection,
+    qos_column: &str,
+) -> Result<(BTreeMap<u16, Channel>, TopicKeys), BagError> {
+    let wrap = |error: rusqlite::Error| bad(path, &error);
+    let (mut channels, mut ids) = (BTreeMap::new(), BTreeMap::new());
+    let query = format!("SELECT id, name, type, serialization_format, {qos_column} FROM topics ORDER BY id");
+    let mut statement = connection.prepare(&query).map_err(wrap)?;
+    let mut rows = statement.query([]).map_err(wrap)?;
+    while let Some(row) = rows.next().map_err(wrap)? {
+        let id: i64 = row.get(0).map_err(wrap)?;
+        let key = u16::try_from(channels.len())
+            .map_err(|_| BagError::bad_file(path, "more than 65535 topics; expected fewer"))?;
+        let qos: String = row.get(4).map_err(wrap)?;
+        ids.insert(id, key);
+        channels.insert(
+            key,
+            Channel {
+                topic: row.get(1).map_err(wrap)?,
+                type_name: row.get(2).map_err(wrap)?,
+                schema: None,
+                message_encoding: row.get(3).map_err(wrap)?,
+                about: BTreeMap::from([(OFFERED.to_owned(), qos)]),
+                messages: 0,
+            },
+        );
+    }
+    Ok((channels, ids))
+}
+
+/// What the recording says of its topics' types.
+fn read_definitions(connection: &Connection, channels: &mut BTreeMap<u16, Channel>) -> rusqlite::Result<()> {
+    let query = "SELECT topic_type, encoding, encoded_message_definition FROM message_definitions";
+    let mut statement = connection.prepare(query)?;
+    let mut rows = statement.query([])?;
+    while let Some(row) = rows.next()? {
+        let type_name: String = row.get(0)?;
+        let encoding: String = row.get(1)?;
+        let text: String = row.get(2)?;
+        for channel in channels.values_mut().filter(|channel| channel.type_name == type_name) {
+            let (name, encoding, data) = (type_name.clone(), encoding.clone(), text.clone().into_bytes());
+            channel.schema = Some(Schema { name, encoding, data });
+        }
+    }
+    Ok(())
+}
+
+/// Counts each topic's messages; returns the first and the last stamp, ns.
+fn read_counts(
+    path: &Path,
+    connection: &Connection,
+    channels: &mut BTreeMap<u16, Channel>,
+    ids: &TopicKeys,
+) -> Result<Option<(u64, u64)>, BagError> {
+    let wrap = |error: rusqlite::Error| bad(path, &error);
+    let mut span_ns = None;
+    let query = "SELECT topic_id, count(*), min(timestamp), max(timestamp) FROM messages GROUP BY topic_id";
+    let mut statement = connection.prepare(query).map_err(wrap)?;
+    let mut rows = statement.query([]).map_err(wrap)?;
+    while let Some(row) = rows.next().map_err(wrap)? {
+        let id: i64 = row.get(0).map_err(wrap)?;
+        let channel = ids.get(&id).and_then(|key| channels.get_mut(key)).ok_or_else(|| {
+            BagError::bad_file(path, format!("messages of topic {id}, which the table 'topics' does not list"))
+        })?;
+        channel.messages = row.get::<_, i64>(1).map_err(wrap)? as u64;
+        let start = stamp(path, row.get(2).map_err(wrap)?)?;
+        let end = stamp(path, row.get(3).map_err(wrap)?)?;
+        let (first, last) = span_ns.unwrap_or((start, end));
+        span_ns = Some((start.min(first), end.max(last)));
+    }
+    Ok(span_ns)
 }
 
 fn connect(file: &DataFile) -> rusqlite::Result<Connection> {

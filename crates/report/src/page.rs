@@ -154,15 +154,18 @@ fn run_data(run: &PageRun) -> Value {
         "planned": run.gait.map_or(Vec::new(), planned),
         "portrait": portrait(run, settled),
         "timing": timing(run),
-        "skeleton": run.skeleton.as_ref().map(|skeleton| json!({
-            "from_s": skeleton.from_s, "step_s": skeleton.step_s,
-            "frames": skeleton.frames.iter().map(|frame| {
-                // Whole millimetres.
-                frame.iter().flatten().map(|value| (value * 1000.0).round() as i64).collect::<Vec<_>>()
-            }).collect::<Vec<_>>(),
-        })),
+        "skeleton": run.skeleton.as_ref().map(skeleton_data),
         "tiles": run.tiles_png.as_ref().map(|png| format!("data:image/png;base64,{}", base64(png))),
     })
+}
+
+fn skeleton_data(skeleton: &Skeleton) -> Value {
+    // Whole millimetres.
+    let frames = skeleton
+        .frames
+        .iter()
+        .map(|frame| frame.iter().flatten().map(|value| (value * 1000.0).round() as i64).collect::<Vec<_>>());
+    json!({ "from_s": skeleton.from_s, "step_s": skeleton.step_s, "frames": frames.collect::<Vec<_>>() })
 }
 
 /// Two seconds into the walk, as in the pictures; all of a run that is shorter.

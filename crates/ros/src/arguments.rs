@@ -128,12 +128,7 @@ impl Arguments {
                 }
                 "--log-level" => {
                     let text = value()?;
-                    match text.split_once(":=") {
-                        Some((logger, level)) => {
-                            parsed.logger_levels.push((logger.to_string(), log_level(&text, level)?))
-                        }
-                        None => parsed.log_level = Some(log_level(&text, &text)?),
-                    }
+                    parsed.set_log_level(&text)?;
                 }
                 // It names what security would use and does not ask for it: every ROS 2 launch file may give it.
                 "-e" | "--enclave" => enclave = Some(value()?),
@@ -154,6 +149,15 @@ impl Arguments {
         }
         parsed.security = Security::find(&environment, enclave.as_deref())?;
         Ok((parsed, rest))
+    }
+
+    /// From `LEVEL` or `LOGGER:=LEVEL`.
+    fn set_log_level(&mut self, text: &str) -> Result<(), RosError> {
+        match text.split_once(":=") {
+            Some((logger, level)) => self.logger_levels.push((logger.to_string(), log_level(text, level)?)),
+            None => self.log_level = Some(log_level(text, text)?),
+        }
+        Ok(())
     }
 
     /// The same with another domain id.

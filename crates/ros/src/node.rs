@@ -9,13 +9,13 @@ use tandem_msgs::builtin_interfaces::Time;
 use tandem_msgs::rcl_interfaces as wire;
 use tandem_msgs::rosgraph_msgs;
 use tokio::runtime::Runtime;
-use tokio::sync::mpsc::unbounded_channel;
+use tokio::sync::mpsc::{UnboundedReceiver, unbounded_channel};
 use tokio::task::JoinHandle;
 
 use crate::arguments::Arguments;
 use crate::health::Health;
 use crate::matches::Matches;
-use crate::parameters::Store;
+use crate::parameters::{Changes, Store};
 use crate::shared::Core;
 use crate::stop::Stop;
 use crate::{Clock, Qos, RosError, names, participant, start_log, watchdog};
@@ -104,7 +104,7 @@ impl Node {
             matches: Matches::default(),
             departures: Mutex::default(),
         });
-        let (changes, mut changed) = unbounded_channel();
+        let (changes, changed) = unbounded_channel();
         let store = Arc::new(Store::new(full_name.clone(), &arguments.overrides, move |change| {
             // Nobody listens once the node is shut down.
             let _ = changes.send(change);
@@ -130,29 +130,44 @@ impl Node {
         if let Some(lines) = lines {
             node.publish_log(lines)?;
         }
-        let sim_time = node
+        node.follow_clock()?;
+        node.publish_parameter_events(full_name, changed)?;
+        Ok(node)
+    }
+
+    /// Declares `use_sim_time`, and takes the time from `/clock` where it is set.
+    fn follow_clock(&mut self) -> Result<(), RosError> {
+        let sim_time = self
             .parameter("use_sim_time", false)
             .description("Take the time from /clock instead of the machine's clock.")
             .read_only()
             .declare()?;
         if sim_time.get() {
             let time = Arc::new(AtomicI64::new(0));
-            node.clock = Clock::simulated(&time);
-            node.subscribe::<rosgraph_msgs::Clock>("/clock", Qos::best_effort(1), move |message| {
+            self.clock = Clock::simulated(&time);
+            self.subscribe::<rosgraph_msgs::Clock>("/clock", Qos::best_effort(1), move |message| {
                 time.store(message.clock.nanoseconds(), Ordering::Relaxed);
             })?;
         }
-        let events = node.publisher::<wire::ParameterEvent>("/parameter_events", Qos::reliable(1000))?;
-        let clock = node.clock();
-        node.spawn(async move {
+        Ok(())
+    }
+
+    fn publish_parameter_events(
+        &self,
+        full_name: String,
+        mut changed: UnboundedReceiver<Changes>,
+    ) -> Result<(), RosError> {
+        let events = self.publisher::<wire::ParameterEvent>("/parameter_events", Qos::reliable(1000))?;
+        let clock = self.clock();
+        self.spawn(async move {
             while let Some(change) = changed.recv().await {
-                let event = crate::parameters::Changes::into_event(change, full_name.clone(), clock.now());
+                let event = change.into_event(full_name.clone(), clock.now());
                 if let Err(error) = events.publish(event) {
                     tracing::warn!("{error}");
                 }
             }
         });
-        Ok(node)
+        Ok(())
     }
 
     /// The node's full name, such as `/robot/controller`.
