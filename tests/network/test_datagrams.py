@@ -9,7 +9,7 @@ import time
 
 import pytest
 import rtps
-from conftest import DOMAIN, Client
+from conftest import DOMAIN, Client, wait_until
 
 GROWTH_BYTES = 20 << 20
 FIRST_PORT = 7400 + 250 * DOMAIN
@@ -141,3 +141,54 @@ def test_an_endpoint_that_others_dispose_of_stays(pair):
         slowest = max(slowest, pair.answers(pair.generate))
         time.sleep(0.05)
     print(f"answered in at most {1000 * slowest:.0f} ms after {sum(map(len, endpoints))} endpoints were said to be gone")
+
+
+def test_a_publisher_that_goes_on_sending_has_not_ended_whatever_is_said(processes, ros):
+    """Its end is said over and over, and that its announcements no longer exist, so that asking for them does not help."""
+    from sensor_msgs.msg import JointState
+    from tandem_msgs.msg import ControllerState
+    from test_walk import JOINTS
+
+    controller = processes("tandem_controller", "--ros-args", "-r", "__ns:=/listener", "-p", "mode:=lockstep", name="listener")
+    client, states = Client("talker"), []
+    publisher = client.node.create_publisher(JointState, "/listener/joint_states", 10)
+    client.node.create_subscription(ControllerState, "/listener/controller_state", states.append, 100)
+    wait_until(lambda: publisher.get_subscription_count(), 20, "the controller listens")
+    ports = [port for port in rtps.listens([controller.process.pid])[controller.process.pid] if FIRST_PORT + 10 <= port < FIRST_PORT + 250]
+    out = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
+
+    def talk(seconds, *, attack=None):
+        """States at 500 Hz; how many of them the controller took."""
+        before, sent, began = states[-1].cycles if states else 0, 0, time.monotonic()
+        while (now := time.monotonic()) < began + seconds:
+            while sent < 500 * (now - began):
+                talk.stamp_ms += 1
+                message = JointState(name=JOINTS, position=[0.0] * 12, velocity=[0.0] * 12, effort=[0.0] * 12)
+                message.header.stamp.sec, message.header.stamp.nanosec = divmod(talk.stamp_ms * 1_000_000, 1_000_000_000)
+                publisher.publish(message)
+                sent += 1
+                if attack and sent % 10 == 0:
+                    for port in ports:
+                        out.sendto(attack(sent), ("127.0.0.1", port))
+            time.sleep(0.002)
+        return sent, states[-1].cycles - before
+
+    talk.stamp_ms = 1000
+    heard = []
+    listening = threading.Thread(target=lambda: heard.extend(rtps.capture(6, set(ports))))
+    listening.start()
+    talk(8)
+    listening.join()
+    mine = {port for ports in rtps.listens([os.getpid()]).values() for port in ports}
+    known = rtps.Known([datagram for datagram in heard if datagram[0] in mine], rtps.FAST_DDS)
+    (asker,) = known.prefixes
+    # The joint states are what it writes most of.
+    entity = max((entity for entity in known.writers[asker] if entity[3] & 0xC0 == 0), key=known.writers[asker].get)
+
+    def end(count):
+        return rtps.message(asker, rtps.gap(READER, WRITER, 1, 1 << 20), rtps.disposal(READER, WRITER, (1 << 20) + count, 0x5A, asker + entity))
+
+    sent, taken = talk(8, attack=end)
+    print(f"{taken} of {sent} states were taken while their publisher was said to be gone")
+    assert taken >= 0.98 * sent, "they are received all the while"
+    client.close()
