@@ -27,6 +27,10 @@ def generate_launch_description():
             "balance", default_value="false", choices=["true", "false"],
             description="Walk in balance and obey cmd_vel; the controller publishes odom, the simulation ground_truth/odom.",
         ),
+        DeclareLaunchArgument(
+            "cmd_vel_walks", default_value="false", choices=["true", "false"],
+            description="With balance: a cmd_vel begins the walk of a robot that stands.",
+        ),
         DeclareLaunchArgument("initial_posture", default_value="sit", choices=["sit", "stand"], description="At the start."),
     ]
     value = LaunchConfiguration
@@ -36,10 +40,11 @@ def generate_launch_description():
     # The simulation makes /clock and stamps by itself.
     time = {"use_sim_time": ParameterValue(value("use_sim_time"), value_type=bool)}
     balance = ParameterValue(value("balance"), value_type=bool)
+    driven = {"balance": balance, "cmd_vel_walks": ParameterValue(value("cmd_vel_walks"), value_type=bool)}
     scene = {"terrain": value("terrain"), "initial_posture": value("initial_posture")}
     nodes = [
         Node(package="tandem_planner", executable="tandem_planner", namespace=namespace, parameters=[robot, time]),
-        Node(package="tandem_controller", executable="tandem_controller", namespace=namespace, parameters=[robot, mode, time, {"balance": balance}]),
+        Node(package="tandem_controller", executable="tandem_controller", namespace=namespace, parameters=[robot, mode, time, driven]),
         Node(
             package="tandem_sim_bridge", executable="tandem_sim_bridge", namespace=namespace, parameters=[robot, mode, scene, {"ground_truth": balance}]
         ),

@@ -45,6 +45,10 @@ pub struct BalanceConfig {
     pub position_gain_s: f64,
     /// A velocity command older than this counts as none: it steps in place, s.
     pub command_timeout_s: f64,
+    /// A velocity begins a walk of a robot that stands, and without one for this long it stands again, s; none: only
+    /// requests begin and end a walk.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub stand_after_s: Option<f64>,
     /// Without a good estimate it walks on for this long, s.
     pub estimate_patience_s: f64,
     /// With placement or hurrying at their limits it walks on for this long, s.
@@ -95,6 +99,7 @@ impl BalanceConfig {
             heading_gain_s: 1.0,
             position_gain_s: 0.5,
             command_timeout_s: setting::CMD_VEL_TIMEOUT_S.default,
+            stand_after_s: None,
             estimate_patience_s: 0.05,
             limited_patience_s: 0.5,
             velocity_limit: VelocityLimit {
@@ -134,6 +139,12 @@ impl BalanceConfig {
                 self.command_timeout_s,
                 setting::CMD_VEL_TIMEOUT_S.least,
                 setting::CMD_VEL_TIMEOUT_S.greatest,
+            ),
+            (
+                "balance.stand_after_s",
+                self.stand_after_s.unwrap_or(setting::CMD_VEL_STAND_S.default),
+                setting::CMD_VEL_STAND_S.least,
+                setting::CMD_VEL_STAND_S.greatest,
             ),
             ("balance.estimate_patience_s", self.estimate_patience_s, 0.0, 0.5),
             ("balance.limited_patience_s", self.limited_patience_s, 0.0, 10.0),

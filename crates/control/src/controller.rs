@@ -80,6 +80,9 @@ impl Controller {
             *reply = Some(self.request(*request, now));
         }
         self.memory.ask_velocity(&self.config, input, now);
+        if let Some(event) = self.memory.heed_velocity(&self.config, input, now) {
+            self.event(event, now);
+        }
         self.progress(now, dt_s);
         self.balance(now, dt_s);
         let torque_nm = self.command(now, dt_s);
@@ -129,6 +132,7 @@ impl Controller {
     // ── what happens ────────────────────────────────────────────────────────────────────────────────────────────────
 
     fn request(&mut self, request: Request, now: Duration) -> Result<Mode, Refusal> {
+        self.memory.operator_asked();
         let event = match request {
             Request::ClearFault(fault) => {
                 return match self.memory.day.clear(fault)? {
@@ -168,6 +172,7 @@ impl Controller {
             emergency_stop: day.emergency_stop,
             start_on_gait_allowed: self.config.simulation_start,
             estimate_usable: self.memory.estimate_is_usable(&self.config),
+            velocity_heeded: self.memory.velocity_heeded(&self.config),
         }
     }
 
@@ -240,15 +245,17 @@ impl Controller {
         self.memory.motion.run(self.memory.law.phase_rate(), dt_s);
         // Each turn of the loop takes one event; a motion has at most a few in one cycle.
         for _ in 0..4 {
+            let begun_by = self.memory.walk_begun_by(&self.config);
             let Snapshot { day, motion, law, .. } = &mut self.memory;
-            match motion.progress(law, &self.config, day.mode, day.walk_wanted, now) {
+            match motion.progress(law, &self.config, day.mode, begun_by, now) {
                 Progress::Nothing => return,
                 Progress::GoesOn => {}
                 Progress::PostureReached => self.event(Event::PostureReached, now),
                 Progress::SwitchReached => self.event(Event::SwitchReached, now),
-                Progress::MayWalk => {
-                    if self.try_event(Event::Walk, now).is_err() {
+                Progress::MayWalk(event) => {
+                    if self.try_event(event, now) != Ok(Mode::Starting) {
                         self.memory.day.walk_wanted = false;
+                        self.memory.day.heed.may_begin = false;
                         return;
                     }
                 }

@@ -1,6 +1,24 @@
 //! The robot's day: its mode, what is latched, and what is wanted.
 
 use crate::{DampingReason, Event, Fault, FaultReport, FaultSet, Guards, Mode, Refusal, Severity, transition};
+use std::time::Duration;
+
+/// What is remembered of the velocities that were asked for.
+#[derive(Clone, Copy, Debug, Default, PartialEq, serde::Serialize, serde::Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(crate) struct Heed {
+    /// A velocity other than zero is asked for now.
+    pub asked: bool,
+    /// Since when none is, counted from the operator's last request.
+    pub rests_since: Option<Duration>,
+    /// It was so for long enough: the next one begins a walk.
+    pub may_begin: bool,
+}
+
+impl Heed {
+    /// Nothing was asked for, and what will be does not begin a walk yet.
+    pub const NOT_YET: Self = Self { asked: false, rests_since: None, may_begin: false };
+}
 
 /// Where the robot's day is.
 #[derive(Clone, Copy, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
@@ -13,6 +31,9 @@ pub(crate) struct Day {
     pub walk_wanted: bool,
     /// What the present input says of the emergency stop.
     pub emergency_stop: bool,
+    /// Whether a velocity begins a walk.
+    #[serde(default)]
+    pub heed: Heed,
 }
 
 impl Day {
@@ -24,6 +45,7 @@ impl Day {
         report: None,
         walk_wanted: false,
         emergency_stop: false,
+        heed: Heed::NOT_YET,
     };
 
     /// Something happened: the mode that it leads to, or why it is refused. The mode is changed here and nowhere else.

@@ -25,6 +25,7 @@
 
 mod balance_config;
 mod balancing;
+mod commanded;
 mod config;
 mod controller;
 mod day;

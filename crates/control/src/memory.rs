@@ -1,6 +1,6 @@
 //! What a controller remembers from one step to the next: the parts' own memories, and nothing else.
 
-use crate::day::Day;
+use crate::day::{Day, Heed};
 use crate::gait_clock::{GaitClock, Offset};
 use crate::law::Law;
 use crate::limits::Limits;
@@ -114,6 +114,7 @@ impl From<SnapshotVersion1> for Snapshot {
                 walk_wanted: old.walk_wanted,
                 // The next input says it anew.
                 emergency_stop: false,
+                heed: Heed::NOT_YET,
             },
             watch: Watch {
                 joints: old.joints,

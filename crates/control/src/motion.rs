@@ -3,7 +3,7 @@
 use crate::gait_clock::{GaitClock, Growth, Offset};
 use crate::law::{Law, grown};
 use crate::ramp::Ramp;
-use crate::{Config, JOINTS, JointCommand, JointState, Mode, Posture, PreparedGait};
+use crate::{Config, Event, JOINTS, JointCommand, JointState, Mode, Posture, PreparedGait};
 use gait::StepSide;
 use std::time::Duration;
 
@@ -55,8 +55,8 @@ pub(crate) enum Progress {
     GoesOn,
     /// The posture of the mode is reached.
     PostureReached,
-    /// It stands, and is to walk.
-    MayWalk,
+    /// It stands, and this event begins a walk.
+    MayWalk(Event),
     /// A step ended that was the last one.
     SwitchReached,
     /// A step ended, and the gait that waits cannot be taken there.
@@ -259,7 +259,14 @@ impl Motion {
     }
 
     /// Follows time: ends of ramps, switches of steps, changes of gait. At most one of them; more may be due.
-    pub fn progress(&mut self, law: &Law, config: &Config, mode: Mode, walk_wanted: bool, now: Duration) -> Progress {
+    pub fn progress(
+        &mut self,
+        law: &Law,
+        config: &Config,
+        mode: Mode,
+        begun_by: Option<Event>,
+        now: Duration,
+    ) -> Progress {
         match self.course {
             Course::None => {
                 self.adopt_pending();
@@ -279,8 +286,7 @@ impl Motion {
                     (Then::Done, Mode::Starting) if self.pending.is_some() => {
                         self.start(config, self.setpoint(law, config, now), now);
                     }
-                    (Then::Done, Mode::Standing) if walk_wanted => return Progress::MayWalk,
-                    (Then::Done, Mode::Standing) => return Progress::Nothing,
+                    (Then::Done, Mode::Standing) => return begun_by.map_or(Progress::Nothing, Progress::MayWalk),
                     (Then::Done, _) => return Progress::PostureReached,
                 }
                 Progress::GoesOn

@@ -82,3 +82,13 @@ pub const CMD_VEL_TIMEOUT_S: Setting = Setting {
     unit: "s",
     text: "A cmd_vel older than this counts as none: the robot steps in place.",
 };
+
+/// [`BalanceConfig::stand_after_s`](crate::balanced::BalanceConfig::stand_after_s).
+pub const CMD_VEL_STAND_S: Setting = Setting {
+    name: "cmd_vel_stand_s",
+    default: 2.0,
+    least: 0.1,
+    greatest: 600.0,
+    unit: "s",
+    text: "With cmd_vel_walks: after so long with a cmd_vel of zero, or none, it stands; and only then is one heeded after an operator's request.",
+};

@@ -86,6 +86,10 @@ pub enum Event {
     PostureReached,
     /// A step has ended.
     SwitchReached,
+    /// A velocity other than zero is asked for.
+    VelocityAsked,
+    /// None was asked for, for as long as the configuration waits for one.
+    VelocityRests,
     /// The emergency stop is pressed.
     EmergencyStop,
     /// The joint states have stopped coming.
@@ -98,7 +102,7 @@ pub enum Event {
 
 impl Event {
     /// Every event.
-    pub const ALL: [Self; 13] = [
+    pub const ALL: [Self; 15] = [
         Self::Arm,
         Self::Disarm,
         Self::Stand,
@@ -108,6 +112,8 @@ impl Event {
         Self::StartOnGait,
         Self::PostureReached,
         Self::SwitchReached,
+        Self::VelocityAsked,
+        Self::VelocityRests,
         Self::EmergencyStop,
         Self::Stale,
         Self::FaultLatched,
@@ -132,6 +138,9 @@ pub struct Guards {
     pub start_on_gait_allowed: bool,
     /// The base's estimate is not wanted, or it is good, or it waits for an inertial unit that never was there.
     pub estimate_usable: bool,
+    /// A velocity may begin a walk: the configuration wants that, the base's estimate is good, and since the operator's
+    /// last request no velocity was asked for, for as long as the configuration waits for one.
+    pub velocity_heeded: bool,
 }
 
 impl Guards {
@@ -144,6 +153,7 @@ impl Guards {
         emergency_stop: false,
         start_on_gait_allowed: true,
         estimate_usable: true,
+        velocity_heeded: true,
     };
 }
 
@@ -259,9 +269,19 @@ pub fn transition(mode: Mode, event: Event, guards: &Guards) -> Result<Mode, Ref
         (M::Disarmed, E::StartOnGait) => ready_on_gait(guards).map(|()| M::Walking),
         (_, E::StartOnGait) => refuse("only a disarmed robot can be put on a gait"),
 
+        (M::Standing, E::VelocityAsked) if may_begin(guards) => Ok(M::Starting),
+        (M::Stopping, E::VelocityAsked) if may_begin(guards) => Ok(M::Walking),
+
         (
             _,
-            E::PostureReached | E::SwitchReached | E::EmergencyStop | E::Stale | E::FaultLatched | E::FaultsCleared,
+            E::PostureReached
+            | E::SwitchReached
+            | E::VelocityAsked
+            | E::VelocityRests
+            | E::EmergencyStop
+            | E::Stale
+            | E::FaultLatched
+            | E::FaultsCleared,
         ) => Ok(noticed(mode, event)),
     }
 }
@@ -282,6 +302,9 @@ fn noticed(mode: Mode, event: Event) -> Mode {
         (M::Starting, E::PostureReached) => M::Walking,
         (M::SittingDown, E::PostureReached) => M::Disarmed,
         (M::Stopping, E::SwitchReached) => M::Standing,
+
+        (M::Walking, E::VelocityRests) => M::Stopping,
+        (M::Starting, E::VelocityRests) => M::Standing,
         _ => mode,
     }
 }
@@ -311,6 +334,11 @@ fn ready_to_walk(guards: &Guards) -> Result<(), Refusal> {
     } else {
         Ok(())
     }
+}
+
+/// Whether a velocity begins a walk, or lets one that is about to end go on.
+fn may_begin(guards: &Guards) -> bool {
+    guards.velocity_heeded && guards.fresh && !guards.emergency_stop && ready_to_walk(guards).is_ok()
 }
 
 /// On a gait the joints move: what [`ready`] asks of their speed does not apply.

@@ -4,7 +4,7 @@
 use control::{Event, Guards, Mode, transition};
 
 fn all_guards() -> impl Iterator<Item = Guards> {
-    (0..128).map(|n: u32| Guards {
+    (0..256).map(|n: u32| Guards {
         fresh: n & 1 != 0,
         posture_safe: n & 2 != 0,
         gait_loaded: n & 4 != 0,
@@ -12,21 +12,22 @@ fn all_guards() -> impl Iterator<Item = Guards> {
         emergency_stop: n & 16 != 0,
         start_on_gait_allowed: n & 32 != 0,
         estimate_usable: n & 64 != 0,
+        velocity_heeded: n & 128 != 0,
     })
 }
 
 /// The table with everything in order. Rows: modes; columns: events in the order of `Event::ALL`. `-` is a refusal.
 const TABLE: &str = "
-mode         Arm         Disarm   Stand       Sit          Walk        Stop         StartOnGait PostureReached SwitchReached EmergencyStop Stale    FaultLatched FaultsCleared
-disarmed     damping     disarmed -           -            -           disarmed     walking     disarmed       disarmed      disarmed      disarmed disarmed     disarmed
-damping      damping     disarmed standing_up -            -           damping      -           damping        damping       damping       damping  fault        damping
-standing_up  standing_up -        standing_up sitting_down standing_up standing_up  -           standing       standing_up   damping       damping  fault        standing_up
-standing     standing    -        standing    sitting_down starting    standing     -           standing       standing      damping       damping  fault        standing
-starting     starting    -        standing    -            starting    standing     -           walking        starting      damping       damping  fault        starting
-walking      walking     -        stopping    -            walking     stopping     -           walking        walking       damping       damping  fault        walking
-stopping     stopping    -        stopping    -            walking     stopping     -           stopping       standing      damping       damping  fault        stopping
-sitting_down sitting_down -       standing_up sitting_down -           sitting_down -           disarmed       sitting_down  damping       damping  fault        sitting_down
-fault        -           disarmed -           -            -           fault        -           fault          fault         fault         fault    fault        damping
+mode         Arm          Disarm   Stand       Sit          Walk        Stop         StartOnGait PostureReached SwitchReached VelocityAsked VelocityRests EmergencyStop Stale    FaultLatched FaultsCleared
+disarmed     damping      disarmed -           -            -           disarmed     walking     disarmed       disarmed      disarmed      disarmed      disarmed      disarmed disarmed     disarmed
+damping      damping      disarmed standing_up -            -           damping      -           damping        damping       damping       damping       damping       damping  fault        damping
+standing_up  standing_up  -        standing_up sitting_down standing_up standing_up  -           standing       standing_up   standing_up   standing_up   damping       damping  fault        standing_up
+standing     standing     -        standing    sitting_down starting    standing     -           standing       standing      starting      standing      damping       damping  fault        standing
+starting     starting     -        standing    -            starting    standing     -           walking        starting      starting      standing      damping       damping  fault        starting
+walking      walking      -        stopping    -            walking     stopping     -           walking        walking       walking       stopping      damping       damping  fault        walking
+stopping     stopping     -        stopping    -            walking     stopping     -           stopping       standing      walking       stopping      damping       damping  fault        stopping
+sitting_down sitting_down -        standing_up sitting_down -           sitting_down -           disarmed       sitting_down  sitting_down  sitting_down  damping       damping  fault        sitting_down
+fault        -            disarmed -           -            -           fault        -           fault          fault         fault         fault         fault         fault    fault        damping
 ";
 
 #[test]
@@ -65,6 +66,8 @@ fn no_guards_open_a_way_that_must_stay_shut() {
                             event,
                             Event::PostureReached
                                 | Event::SwitchReached
+                                | Event::VelocityAsked
+                                | Event::VelocityRests
                                 | Event::EmergencyStop
                                 | Event::Stale
                                 | Event::FaultLatched
@@ -87,6 +90,10 @@ fn no_guards_open_a_way_that_must_stay_shut() {
                     assert!(guards.fresh && !guards.any_fault && !guards.emergency_stop, "{context}");
                     assert!(matches!(event, Event::Stand | Event::StartOnGait), "{context}");
                     assert!(guards.posture_safe || event == Event::StartOnGait, "{context}");
+                }
+                if event == Event::VelocityAsked && to != mode {
+                    assert!(matches!(mode, Mode::Standing | Mode::Stopping), "{context}");
+                    assert!(guards.velocity_heeded && guards.fresh && !guards.emergency_stop, "{context}");
                 }
                 if event == Event::StartOnGait {
                     assert!(guards.start_on_gait_allowed, "{context}");
@@ -112,5 +119,5 @@ fn no_guards_open_a_way_that_must_stay_shut() {
             }
         }
     }
-    assert_eq!(cells, 128 * Mode::ALL.len() * Event::ALL.len());
+    assert_eq!(cells, 256 * Mode::ALL.len() * Event::ALL.len());
 }

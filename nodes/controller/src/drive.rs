@@ -24,6 +24,8 @@ pub struct DriveParameters {
     pub stamped: bool,
     /// A velocity older than this counts as none, s.
     pub timeout_s: f64,
+    /// A velocity begins a walk; without one for this long the robot stands again, s.
+    pub stand_after_s: Option<f64>,
     /// Messages of odometry a second.
     pub odometry_rate_hz: f64,
     /// Stands before the frames' names.
@@ -37,6 +39,7 @@ impl DriveParameters {
             balance: table.balance,
             stamped: table.cmd_vel_stamped,
             timeout_s: table.cmd_vel_timeout_s,
+            stand_after_s: table.cmd_vel_walks.then_some(table.cmd_vel_stand_s),
             odometry_rate_hz: table.odometry_rate_hz,
             frame_prefix: table.frame_prefix.clone(),
         }
@@ -48,7 +51,11 @@ impl DriveParameters {
     /// If it is to walk in balance, and the robot's legs are of another shape than the law knows.
     pub fn apply(&self, robot: &Robot, config: Config) -> Result<Config, RobotError> {
         let balance = self.balance.then(|| BalanceConfig::for_robot(robot)).transpose()?;
-        let balance = balance.map(|balance| BalanceConfig { command_timeout_s: self.timeout_s, ..balance });
+        let balance = balance.map(|balance| BalanceConfig {
+            command_timeout_s: self.timeout_s,
+            stand_after_s: self.stand_after_s,
+            ..balance
+        });
         Ok(Config { balance, ..config })
     }
 

@@ -65,6 +65,9 @@ ros::parameters! {
             "Walk in balance where inertial data is received, obey cmd_vel, and publish odom and /tf; false: the paper's law."),
         cmd_vel_stamped: bool = flag(false, "cmd_vel is a geometry_msgs/TwistStamped; false: a Twist."),
         cmd_vel_timeout_s: f64 = setting(&limit::CMD_VEL_TIMEOUT_S),
+        cmd_vel_walks: bool = flag(false,
+            "With balance: a cmd_vel other than zero begins the walk of a robot that stands with a gait; false: only walk does."),
+        cmd_vel_stand_s: f64 = setting(&limit::CMD_VEL_STAND_S),
         odometry_rate_hz: f64 = number(50.0, 0.1..=1000.0, "Hz", "With balance: rate of odom and /tf."),
         frame_prefix: String = prefix(
             "With balance: stands before the names of the frames odom and base_link, such as left/."),

@@ -1,6 +1,8 @@
 //! What the controller's tests share: a configuration with the Vision 60's numbers, a gait, and a robot that obeys.
 #![allow(dead_code)]
 
+pub mod balanced;
+
 use control::{
     Config, Controller, DriveMode, Fault, InertialState, Input, JOINTS, JointState, Mode, Output, Posture,
     PreparedGait, Request, Tilt,

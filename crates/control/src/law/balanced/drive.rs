@@ -18,6 +18,11 @@ pub struct Velocity {
 }
 
 impl Velocity {
+    /// Whether nothing but standing still is asked for.
+    pub fn is_rest(&self) -> bool {
+        [self.forward_m_s, self.left_m_s, self.yaw_rad_s].iter().all(|v| v.abs() < REST_M_S)
+    }
+
     /// Whether every number is finite.
     pub fn is_finite(&self) -> bool {
         self.forward_m_s.is_finite() && self.left_m_s.is_finite() && self.yaw_rad_s.is_finite()
@@ -51,7 +56,7 @@ const HEADING_LIMIT: f64 = 0.5;
 /// Largest velocities that hold a place, m/s, and the farthest place that is remembered, m.
 const HOLD_M_S: [f64; 2] = [0.2, 0.15];
 const HOLD_M: f64 = 0.5;
-/// Slower than this is at rest, m/s.
+/// Slower than this is at rest, m/s; or turning, rad/s.
 const REST_M_S: f64 = 1e-3;
 
 /// The drive's memory.
