@@ -36,12 +36,11 @@ class Driver:
         self.thread.join()
 
 
-@pytest.fixture
-def robot(processes, ros, tmp_path):
+def driven(processes, ros, tmp_path, *more):
     from nav_msgs.msg import Odometry
 
     # Simulated time runs several times as fast as this client, which a busy machine holds up for a tenth of a second.
-    controller = ["balance:=true", "cmd_vel_timeout_s:=2.0", f"record_root:={tmp_path}"]
+    controller = ["balance:=true", "cmd_vel_timeout_s:=2.0", f"record_root:={tmp_path}", *more]
     robot = Robot(processes, ros, "", parameters=["ground_truth:=true"], controller=controller)
     robot.truth = []
     robot.client.node.create_subscription(Odometry, "ground_truth/odom", robot.truth.append, best_effort())
@@ -49,6 +48,16 @@ def robot(processes, ros, tmp_path):
     yield robot
     robot.driver.close()
     robot.close()
+
+
+@pytest.fixture
+def robot(processes, ros, tmp_path):
+    yield from driven(processes, ros, tmp_path)
+
+
+@pytest.fixture
+def heeding(processes, ros, tmp_path):
+    yield from driven(processes, ros, tmp_path, "cmd_vel_walks:=true")
 
 
 def yaw(message):
@@ -154,3 +163,30 @@ def test_it_is_driven_knows_where_it_is_stops_and_is_verified(robot, tmp_path):
     verified = subprocess.run([ROOT / "target/release/tandem", "bag", "verify", tmp_path / "drive"], capture_output=True, text=True)
     print(verified.stdout)
     assert verified.returncode == 0 and "to the bit" in verified.stdout, verified.stdout + verified.stderr
+
+
+def test_a_velocity_begins_a_walk_of_a_robot_that_stands_and_it_stands_again_after_it(heeding):
+    robot = heeding
+    assert robot.generate(behaviour="amble").success
+    robot.wait(lambda: robot.gaits, 10, "the gait")
+    for request in ("arm", "stand"):
+        robot.trigger(request)
+    robot.pause(False)
+    robot.wait(lambda: robot.mode() == "standing", 60, "standing")
+    walk_for(robot, 3, "standing for a while")
+    assert robot.mode() == "standing"
+    for _ in range(2):
+        robot.driver.ask(0.3, 0.0, 0.0)
+        robot.wait(lambda: robot.mode() == "walking", 60, "walking")
+        far, _ = moved(since(robot.truth, walk_for(robot, 6, "driving")))
+        print(f"went {far:.2f} m in 6 s at 0.3 m/s from standing")
+        assert far >= 0.3 * (6 - 1), "the walk grows for the first 2 s"
+        robot.driver.speaks = False
+        robot.wait(lambda: robot.mode() == "standing", 60, "standing again")
+    # A stop holds although the client goes on.
+    robot.driver.ask(0.3, 0.0, 0.0)
+    robot.wait(lambda: robot.mode() == "walking", 60, "walking")
+    robot.trigger("stop")
+    robot.wait(lambda: robot.mode() == "standing", 60, "standing")
+    walk_for(robot, 4, "standing although it is asked to go")
+    assert robot.mode() == "standing"
