@@ -6,9 +6,9 @@ use nalgebra::{Matrix3, Rotation3, Vector3};
 
 use crate::description::Description;
 use crate::error::ModelError;
+use crate::inertia::Inertia;
 use crate::joint::{BASE_JOINTS, Frame, Joint, JointKind};
 use crate::model::Model;
-use crate::inertia::Inertia;
 
 impl Model {
     /// A robot that floats: six coordinates of its root link, then one for each movable joint in the

@@ -16,8 +16,8 @@ use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::time::{Duration, Instant};
 use tandem_controller::cycle::{Cycle, Middleware};
 use tandem_controller::dds_bus::{CycleClock, DEPTH, DdsBus};
-use tandem_controller::messages::{CommandMessage, StateMessage};
 use tandem_controller::emergency_stop::EmergencyStop;
+use tandem_controller::messages::{CommandMessage, StateMessage};
 use tandem_controller::recording::{self, Subject};
 
 const MS: Duration = Duration::from_millis(1);
