@@ -73,7 +73,7 @@ pub(super) struct Run {
 }
 
 impl Writer {
-    /// Writes until every [`Recording`] is gone; a recording that goes on then is ended.
+    /// Writes until every [`Recording`](super::Recording) is gone; a recording that goes on then is ended.
     pub fn run(mut self) {
         while self.turn() {}
     }
