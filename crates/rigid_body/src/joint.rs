@@ -7,8 +7,8 @@ use crate::inertia::Inertia;
 /// Names of the six joints of a floating base, in the order of their coordinates.
 pub(crate) const BASE_JOINTS: [&str; 6] = ["base_x", "base_y", "base_z", "base_roll", "base_pitch", "base_yaw"];
 
-/// A frame of a [`Model`]: a link of its URDF. The same in a model and in every model cut from it by
-/// [`Model::subtree`].
+/// A frame of a [`Model`](crate::Model): a link of its URDF. The same in a model and in every model cut from it by
+/// [`Model::subtree`](crate::Model::subtree).
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord)]
 pub struct FrameId(pub(crate) usize);
 
