@@ -49,8 +49,7 @@ def as_definition(type_name):
 def test_no_message_is_forgotten():
     defined = {
         match for file in (ROOT / "msgs/src").glob("*.rs") if "messages!" in file.read_text() and file.name != "macros.rs"
-        for match in re.findall(r"^    (\w+) \{$", file.read_text().split("messages! {", 1)[1], re.MULTILINE)
-        if match != "fn"
+        for match in re.findall(r"^ +([A-Z]\w+) \{$", file.read_text().split("messages! {", 1)[1], re.MULTILINE)
     }  # fmt: skip
     listed = {name.split("/")[2].replace(".", "") for name in FIELDS}
     listed |= {name.replace("Goal", "Request") for name in listed}
