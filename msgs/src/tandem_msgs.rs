@@ -138,6 +138,28 @@ messages! { "tandem_msgs";
         tracking_error_rad: Vec<f64>,
         /// 12 entries, Nm.
         commanded_torque_nm: Vec<f64>,
+        /// One bit for each latched fault: `FAULT_BIT_*` of the definition file.
+        fault_bits: u32,
+        /// The mode: `MODE_ID_*`.
+        mode_id: u8,
+        /// Why it is damped without a fault: `DAMPED_ID_*`, 0: it is not, or by a fault.
+        damped_id: u8,
+    }
+    /// Claims the robot for the program that calls.
+    ClaimRequest {
+        /// Who drives, for people.
+        name: String,
+        /// For how long, s; 0: until it is released.
+        duration_s: f64,
+        /// Take it from whoever holds it.
+        take: bool,
+    }
+    /// Whether it was claimed.
+    ClaimResponse {
+        /// Claimed.
+        success: bool,
+        /// For people: what was claimed, or who holds it and for how long.
+        message: String,
     }
     /// Which fault to clear.
     ClearFaultRequest {
@@ -285,6 +307,10 @@ messages! { "tandem_msgs";
 service! {
     /// Plans a gait.
     "tandem_msgs" GenerateGait: GenerateGaitRequest -> GenerateGaitResponse, refused by message
+}
+service! {
+    /// Says who drives.
+    "tandem_msgs" Claim: ClaimRequest -> ClaimResponse, refused by message
 }
 service! {
     /// Clears one latched fault by its name.

@@ -3,7 +3,7 @@
 use std::path::Path;
 
 use tandem_msgs::{
-    Action, ClearFault, ControlCycle, ControllerState, Gait, GenerateGait, GenerateGaitAction, JointCommand,
+    Action, Claim, ClearFault, ControlCycle, ControllerState, Gait, GenerateGait, GenerateGaitAction, JointCommand,
     JointDiagnostics, LoadGait, Message, Service, SolverReport, StartRecording, StopRecording, definition,
 };
 
@@ -61,6 +61,7 @@ fn messages_match_their_files() {
 
 #[test]
 fn services_match_their_files() {
+    assert_service::<Claim>();
     assert_service::<ClearFault>();
     assert_service::<GenerateGait>();
     assert_service::<LoadGait>();
@@ -101,6 +102,7 @@ fn every_file_has_a_rust_type_and_is_built() {
             "msg/JointCommand.msg",
             "msg/JointDiagnostics.msg",
             "msg/SolverReport.msg",
+            "srv/Claim.srv",
             "srv/ClearFault.srv",
             "srv/GenerateGait.srv",
             "srv/LoadGait.srv",

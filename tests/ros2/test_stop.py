@@ -294,3 +294,19 @@ def test_a_suspended_node_ends_with_an_error_when_it_goes_on(processes):
     node.process.send_signal(signal.SIGCONT)
     assert node.process.wait(5) == 1
     assert "had been stopped" in node.text()
+
+
+def test_the_numbers_of_a_state_say_what_its_names_say(robot):
+    """Over everything that the tests above made the controller say."""
+    from tandem_msgs.msg import ControllerState
+
+    damped = {"armed", "emergency_stop", "stale_joint_state"}
+    modes = set()
+    for _, state in robot.states:
+        modes.add(state.mode)
+        assert state.mode_id == getattr(ControllerState, f"MODE_ID_{state.mode.upper()}")
+        names = {name for name in state.fault.split(",") if name}
+        assert state.fault_bits == sum(getattr(ControllerState, f"FAULT_BIT_{name.upper()}") for name in names - damped)
+        reason = next(iter(names & damped), "none")
+        assert state.damped_id == getattr(ControllerState, f"DAMPED_ID_{reason.upper()}")
+    assert {"disarmed", "damping", "standing_up", "walking"} <= modes

@@ -87,6 +87,16 @@ impl DampingReason {
             Self::Fault => "fault",
         }
     }
+
+    /// The number that is published, from 1; 0 for a fault, which has its own.
+    pub fn number(self) -> u8 {
+        match self {
+            Self::Armed => 1,
+            Self::EmergencyStop => 2,
+            Self::StaleJointState => 3,
+            Self::Fault => 0,
+        }
+    }
 }
 
 /// All that one step says.
@@ -126,6 +136,13 @@ pub struct Output {
     pub cycles: u64,
     /// Steps that found no new joint state.
     pub stale_inputs: u64,
+}
+
+impl Output {
+    /// The number of what damps the robot although no fault is latched; 0: nothing does.
+    pub fn damped_number(&self) -> u8 {
+        self.damping_reason.filter(|_| self.faults.is_empty()).map_or(0, DampingReason::number)
+    }
 }
 
 impl Output {

@@ -26,6 +26,11 @@ pub enum Mode {
 }
 
 impl Mode {
+    /// The number that is published: its place in [`Mode::ALL`].
+    pub fn number(self) -> u8 {
+        self as u8
+    }
+
     /// Every mode.
     pub const ALL: [Self; 9] = [
         Self::Disarmed,

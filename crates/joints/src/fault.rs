@@ -148,6 +148,11 @@ impl FaultSet {
         self.0 & fault.bit() != 0
     }
 
+    /// One bit for each latched fault, the first of [`Fault::ALL`] lowest: what `ControllerState.fault_bits` holds.
+    pub fn bits(self) -> u32 {
+        self.0
+    }
+
     /// Whether none is latched.
     pub fn is_empty(self) -> bool {
         self.0 == 0

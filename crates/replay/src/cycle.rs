@@ -5,7 +5,7 @@ use std::time::Duration;
 
 use bag::{BagError, BagTopic, from_cdr};
 use control::{InertialState, Tilt, Velocity, VelocityCommand};
-use tandem_msgs::ControlCycle;
+use tandem_msgs::{ControlCycle, ControllerState};
 
 /// Groups of fields that were added at the message's end, in order: by one of its fields' name, how many lists follow a
 /// flag.
@@ -22,6 +22,21 @@ pub(crate) fn control_cycle(topic: &BagTopic, data: &[u8]) -> Result<ControlCycl
         }
     }
     from_cdr(&topic.type_name, &whole)
+}
+
+/// What the controller said of itself. An older message has no numbers beside its names: 0.
+pub(crate) fn controller_state(topic: &BagTopic, data: &[u8]) -> Result<ControllerState, BagError> {
+    from_cdr(&topic.type_name, &with_numbers(topic.definition.as_deref(), data))
+}
+
+fn with_numbers<'a>(definition: Option<&str>, data: &'a [u8]) -> Cow<'a, [u8]> {
+    let mut whole = Cow::Borrowed(data);
+    if definition.is_some_and(|definition| !definition.contains("fault_bits")) {
+        // One of four bytes, where the lists before it have ended aligned, and two of one.
+        let length = whole.len() + 6;
+        whole.to_mut().resize(length, 0);
+    }
+    whole
 }
 
 /// The time on the controller's clock that was so long before the cycle.
@@ -81,4 +96,32 @@ fn some_array<const N: usize>(name: &str, values: &[f64]) -> Result<Option<[f64;
         return Ok(None);
     }
     values.try_into().map(Some).map_err(|_| format!("{name} has {} entries; expected 0 or {N}", values.len()))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use bag::to_cdr;
+
+    #[test]
+    fn a_state_of_a_version_without_numbers_is_read_with_none() {
+        let names = ControllerState {
+            mode: "walking".into(),
+            tracking_error_rad: vec![0.5; 12],
+            commanded_torque_nm: vec![3.0; 12],
+            ..ControllerState::default()
+        };
+        let now = ControllerState { fault_bits: 128, mode_id: 5, damped_id: 2, ..names.clone() };
+        let data = to_cdr("ControllerState", &now).unwrap();
+        let older = &data[..data.len() - 6];
+        let read = |definition, data| {
+            from_cdr::<ControllerState>("ControllerState", &with_numbers(Some(definition), data)).unwrap()
+        };
+        assert_eq!(read("uint32 fault_bits", &data), now);
+        assert_eq!(read("float64[] commanded_torque_nm", older), names);
+        // Lists that are empty end at other places.
+        let empty = ControllerState { mode: "fault".into(), ..ControllerState::default() };
+        let data = to_cdr("ControllerState", &empty).unwrap();
+        assert_eq!(read("float64[] commanded_torque_nm", &data[..data.len() - 6]), empty);
+    }
 }

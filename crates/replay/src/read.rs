@@ -6,14 +6,13 @@ use bag::{Bag, BagTopic, from_cdr};
 use gait::{Gait, JOINTS, LEG_NAMES, LEGS};
 use report::Sample;
 use run_recorder::{Continuity, names};
-use tandem_msgs::ControllerState;
 use tandem_msgs::geometry_msgs::WrenchStamped;
 use tandem_msgs::nav_msgs::Odometry;
 use tandem_msgs::sensor_msgs::JointState;
 
 use crate::ReplayError;
 use crate::continuity::cycle_time;
-use crate::cycle::control_cycle;
+use crate::cycle::{control_cycle, controller_state};
 
 /// A time between two cycles that is worth telling: an overrun on CAN (docs/safety.md).
 const HOLE: std::time::Duration = std::time::Duration::from_millis(10);
@@ -117,7 +116,7 @@ impl Found {
                 self.events.push((time_s, format!("fault below: {}", cycle.fault)));
             }
         } else if is(names::CONTROLLER_STATE, "tandem_msgs/msg/ControllerState") {
-            let state: ControllerState = from_cdr(&topic.type_name, data).map_err(text)?;
+            let state = controller_state(topic, data).map_err(text)?;
             self.mode(time_s, &state.mode);
             let largest = state.tracking_error_rad.iter().fold(0.0_f64, |largest, error| largest.max(error.abs()));
             self.tracking_error.push((time_s, largest));

@@ -8,10 +8,10 @@ use std::io::{BufRead, Read, Write};
 
 use byteorder::LittleEndian;
 use tandem_msgs::{
-    Action, ClearFault, ControlCycle, ControllerState, Field, Gait, GenerateGait, GenerateGaitAction, JointCommand,
-    JointDiagnostics, LoadGait, Message, Service, SolverReport, StartRecording, StopRecording, action_msgs,
-    builtin_interfaces, diagnostic_msgs, geometry_msgs, lifecycle_msgs, nav_msgs, rcl_interfaces, rosgraph_msgs,
-    sensor_msgs, std_msgs, std_srvs, unique_identifier_msgs, visualization_msgs,
+    Action, Claim, ClearFault, ControlCycle, ControllerState, Field, Gait, GenerateGait, GenerateGaitAction,
+    JointCommand, JointDiagnostics, LoadGait, Message, Service, SolverReport, StartRecording, StopRecording,
+    action_msgs, builtin_interfaces, diagnostic_msgs, geometry_msgs, lifecycle_msgs, nav_msgs, rcl_interfaces,
+    rosgraph_msgs, sensor_msgs, std_msgs, std_srvs, unique_identifier_msgs, visualization_msgs,
 };
 
 /// Decodes and encodes again.
@@ -129,6 +129,7 @@ fn types() -> Vec<(String, Vec<Field>, Again)> {
         LoadGait,
         StartRecording,
         StopRecording,
+        Claim,
         ClearFault,
     );
     action!(types, GenerateGaitAction: Goal, Result, Feedback);

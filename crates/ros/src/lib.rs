@@ -79,7 +79,7 @@ pub use client::Client;
 pub use error::{CallError, PublishError, RosError};
 pub use health::{Health, Pulse, Silence, THREADS, Thread};
 pub use lifecycle::{Change, ChangeError, Lifecycle, Managed, State};
-pub use matches::{Departure, PublisherId};
+pub use matches::{Departure, ProgramId, PublisherId};
 pub use names::{PREFIX_RULE, check_prefix};
 pub use node::Node;
 pub use parameters::{Parameter, ParameterBuilder, ParameterType, ParameterValue, Ranged};

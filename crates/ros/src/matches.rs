@@ -53,6 +53,18 @@ impl From<Gid> for PublisherId {
     }
 }
 
+/// A program on the network, as long as it lives there: its DDS participant, which its publishers and clients share.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct ProgramId(pub [u8; Departure::PARTICIPANT]);
+
+impl ProgramId {
+    /// Whose request it is, by its writer or by the reader that waits for the answer.
+    pub(crate) fn of(endpoint: Gid) -> Self {
+        let [program @ .., _, _, _, _] = endpoint.to_bytes16();
+        ProgramId(program)
+    }
+}
+
 /// One publisher, or all those of one participant, are gone.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Departure {
@@ -65,7 +77,15 @@ pub struct Departure {
 
 impl Departure {
     /// Bytes of an identity that are its participant's.
-    pub(crate) const PARTICIPANT: usize = 12;
+    pub const PARTICIPANT: usize = 12;
+
+    /// A whole program is gone.
+    #[must_use]
+    pub fn of_program(program: ProgramId, in_order: bool) -> Self {
+        let mut id = [0; 16];
+        id[..Self::PARTICIPANT].copy_from_slice(&program.0);
+        Departure { id, length: Self::PARTICIPANT, in_order }
+    }
 
     /// One publisher is gone.
     #[must_use]
@@ -77,6 +97,12 @@ impl Departure {
     #[must_use]
     pub fn covers(&self, publisher: PublisherId) -> bool {
         publisher.0[..self.length] == self.id[..self.length]
+    }
+
+    /// Whether this program is gone with it.
+    #[must_use]
+    pub fn covers_program(&self, program: ProgramId) -> bool {
+        self.length == Self::PARTICIPANT && self.id[..Self::PARTICIPANT] == program.0
     }
 
     pub(crate) fn of(event: &Event) -> Option<Self> {
@@ -203,6 +229,10 @@ mod tests {
         assert!(one.in_order);
         let all = Departure::of(&Event::ParticipantLost { id: first.prefix, reason: LostReason::Disposed }).unwrap();
         assert_eq!([first, second, other].map(|guid| all.covers(id(guid))), [true, true, false]);
+        let program = |guid: GUID| ProgramId::of(Gid::from(guid));
+        assert_eq!([first, second, other].map(|guid| all.covers_program(program(guid))), [true, true, false]);
+        assert!(!one.covers_program(program(first)), "one of its publishers is not the program");
+        assert_eq!(Departure::of_program(program(first), true), all);
         assert_eq!(Departure::of(&Event::RemoteWriterMatched { local_reader: first, remote_writer: second }), None);
     }
 }

@@ -10,6 +10,7 @@ use ros2_client::RmwRequestId;
 use tandem_msgs::Service;
 
 use crate::Wire;
+use crate::matches::ProgramId;
 use crate::occasionally::Occasionally;
 use crate::peers::Peers;
 
@@ -70,7 +71,7 @@ pub(crate) async fn serve<S: Service>(
     server: Endpoint<S>,
     callers: Peers,
     options: ServeOptions<S>,
-    handler: impl Fn(S::Request) -> S::Response + Send + Sync + 'static,
+    handler: impl Fn(ProgramId, S::Request) -> S::Response + Send + Sync + 'static,
 ) {
     let handler = Arc::new(handler);
     let mut requests = server.receive_request_stream();
@@ -85,7 +86,8 @@ pub(crate) async fn serve<S: Service>(
             && let Some((id, request)) = waiting.pop_front()
         {
             let handler = Arc::clone(&handler);
-            let job = tokio::task::spawn_blocking(move || (*handler)(request));
+            let caller = ProgramId::of(id.writer_gid);
+            let job = tokio::task::spawn_blocking(move || (*handler)(caller, request));
             running.push(async move { (id, job.await) });
         }
         tokio::select! {

@@ -288,6 +288,9 @@ impl RunRecorder {
             stale_inputs: output.stale_inputs,
             tracking_error_rad: output.tracking_error_rad.to_vec(),
             commanded_torque_nm: output.torque_nm.map(resolution::torque_nm).to_vec(),
+            fault_bits: output.faults.bits(),
+            mode_id: output.mode.number(),
+            damped_id: output.damped_number(),
             ..ControllerState::default()
         }
     }

@@ -22,6 +22,7 @@ pub mod drive;
 pub mod drive_reports;
 pub mod emergency_stop;
 pub mod inputs;
+pub mod lease;
 pub mod messages;
 pub mod odometry;
 pub mod others;

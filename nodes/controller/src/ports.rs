@@ -153,13 +153,16 @@ pub fn controller_state(output: &Output, gait: Option<&str>, missed_cycles: u64)
         stale_inputs: output.stale_inputs,
         tracking_error_rad: output.tracking_error_rad.to_vec(),
         commanded_torque_nm: output.torque_nm.to_vec(),
+        fault_bits: output.faults.bits(),
+        mode_id: output.mode.number(),
+        damped_id: output.damped_number(),
     }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use control::{DampingReason, Fault, Mode};
+    use control::{DampingReason, Fault, FaultSet, Mode};
     use tandem_msgs::geometry_msgs::{Quaternion, Vector3};
 
     fn names() -> [String; JOINTS] {
@@ -245,6 +248,12 @@ mod tests {
     #[test]
     fn the_message_names_every_mode_every_fault_and_every_reason_of_damping() {
         let file = include_str!("../../../msgs/msg/ControllerState.msg");
+        let numbers = |kind: &str| -> Vec<(String, u32)> {
+            let lines =
+                file.lines().filter_map(|line| line.strip_prefix("uint")?.split_once(' ')?.1.strip_prefix(kind));
+            let lines = lines.filter_map(|line| line.split_once('='));
+            lines.map(|(name, value)| (name.to_lowercase(), value.parse().unwrap())).collect()
+        };
         let constants = |kind: &str| -> Vec<(String, String)> {
             let lines =
                 file.lines().filter_map(|line| line.strip_prefix("string ")?.strip_prefix(kind)?.split_once('='));
@@ -255,5 +264,15 @@ mod tests {
         assert_eq!(constants("FAULT_"), named(&Fault::ALL.map(Fault::name)));
         let reasons = [DampingReason::Armed, DampingReason::EmergencyStop, DampingReason::StaleJointState];
         assert_eq!(constants("DAMPED_"), named(&reasons.map(DampingReason::name)));
+        assert_eq!(numbers("MODE_ID_"), Mode::ALL.map(|mode| (mode.name().to_owned(), u32::from(mode.number()))));
+        let bit = |fault: Fault| {
+            let mut alone = FaultSet::NONE;
+            alone.insert(fault);
+            (fault.name().to_owned(), alone.bits())
+        };
+        assert_eq!(numbers("FAULT_BIT_"), Fault::ALL.map(bit));
+        let mut damped = vec![("none".to_owned(), 0)];
+        damped.extend(reasons.map(|reason| (reason.name().to_owned(), u32::from(reason.number()))));
+        assert_eq!(numbers("DAMPED_ID_"), damped);
     }
 }

@@ -154,7 +154,7 @@ impl Publishers {
             sent.into_iter().for_each(|sent| self.note(sent));
         }
         if let Some(timing) = &cycle.timing {
-            let message = self.diagnostics(cycle, timing);
+            let message = self.diagnostics(cycle, timing, services.holder());
             self.recording.other(recording::DIAGNOSTICS, None, &message);
             let sent = self.diagnostics.publish(message);
             self.note(sent);
@@ -234,7 +234,7 @@ impl Publishers {
         }
     }
 
-    fn diagnostics(&self, cycle: &CycleOutput, timing: &Timing) -> DiagnosticArray {
+    fn diagnostics(&self, cycle: &CycleOutput, timing: &Timing, claimed_by: String) -> DiagnosticArray {
         let output = &cycle.output;
         let value = |key: &str, value: String| KeyValue { key: key.into(), value };
         let us = |d: Duration| format!("{:.1}", d.as_secs_f64() * 1e6);
@@ -244,6 +244,7 @@ impl Publishers {
             value("missed_cycles", cycle.missed_cycles.to_string()),
             value("cycles_without_new_state", output.stale_inputs.to_string()),
             value("publish_failures", self.publish_failures.to_string()),
+            value("claimed_by", claimed_by),
         ];
         for (what, quantiles) in [
             ("latency", timing.latency),

@@ -4,13 +4,14 @@ use crate::cycle::{Asked, TimedInertial};
 use crate::dds_bus;
 use crate::emergency_stop::{EmergencyStop, PUBLISHERS};
 use crate::inputs::{InputProblems, Topic};
+use crate::lease::Lease;
 use crate::messages::StateMessage;
 use crate::ports;
 use crate::recording::{self, Recording};
 use control::{Config, Fault, JOINTS, Mode, PreparedGait, Refusal, Request};
 use gait::Gait;
 use realtime::monotonic_now;
-use ros::{Node, Qos, RosError, ServeOptions};
+use ros::{Node, ProgramId, Qos, RosError, ServeOptions};
 use rtrb::Producer;
 use std::collections::HashMap;
 use std::sync::mpsc::{RecvTimeoutError, Sender, channel};
@@ -20,8 +21,8 @@ use std::time::{Duration, Instant};
 use tandem_msgs::std_srvs::{SetBool, SetBoolRequest, SetBoolResponse, Trigger, TriggerResponse};
 use tandem_msgs::text::{NAME_CHARS, SENTENCE_CHARS, printable};
 use tandem_msgs::{
-    ClearFault, ClearFaultResponse, LoadGait, LoadGaitResponse, Service, StartRecording, StartRecordingResponse,
-    StopRecording, StopRecordingResponse, sensor_msgs, std_msgs,
+    Claim, ClaimResponse, ClearFault, ClearFaultResponse, LoadGait, LoadGaitResponse, Service, StartRecording,
+    StartRecordingResponse, StopRecording, StopRecordingResponse, sensor_msgs, std_msgs,
 };
 
 /// How long a service waits for the cycle. In lockstep time may stand still; the request is then applied when it goes on.
@@ -41,6 +42,7 @@ pub struct Services {
     emergency_stop: Arc<EmergencyStop>,
     problems: Arc<InputProblems>,
     config: Config,
+    lease: Lease,
     lockstep: bool,
     /// The controller's mode as last published.
     mode: Mutex<Option<Mode>>,
@@ -82,6 +84,7 @@ impl Services {
             emergency_stop,
             problems,
             config,
+            lease: Lease::default(),
             lockstep,
             mode: Mutex::default(),
         }
@@ -139,6 +142,25 @@ impl Services {
             }
         }
         self.put(request)
+    }
+
+    /// Who holds the lease; empty: nobody.
+    pub fn holder(&self) -> String {
+        self.lease.holder(monotonic_now())
+    }
+
+    /// Nobody holds the lease any more.
+    pub fn end_lease(&self) {
+        self.lease.end();
+    }
+
+    /// Asks for a program: what would move the robot is refused where another program has claimed it. To stop is
+    /// everybody's.
+    fn ask_for(&self, program: ProgramId, request: Request) -> (bool, String) {
+        match self.lease.refusal(program, monotonic_now()) {
+            Some(refusal) if !matches!(request, Request::Stop | Request::Disarm) => (false, refusal),
+            _ => self.ask(request),
+        }
     }
 
     fn put(&self, request: Request) -> (bool, String) {
@@ -209,6 +231,47 @@ impl Services {
         node.serve_with::<SetBool>("emergency_stop", options, move |request| press(&request))
     }
 
+    fn open_lease(self: &Arc<Self>, node: &Node) -> Result<(), RosError> {
+        let services = Arc::clone(self);
+        node.serve_programs::<Claim>("claim", ServeOptions::default(), move |program, request| {
+            let claimed = services.lease.claim(program, &request, monotonic_now());
+            let (success, message) = claimed.map_or_else(|reason| (false, reason), |what| (true, what));
+            tracing::info!("claim: {message}");
+            ClaimResponse { success, message }
+        })?;
+        let services = Arc::clone(self);
+        node.serve_programs::<Trigger>("release", ServeOptions::default(), move |program, _| {
+            let released = services.lease.release(program, monotonic_now());
+            let (success, message) = released.map_or_else(|reason| (false, reason), |what| (true, what));
+            tracing::info!("release: {message}");
+            TriggerResponse { success, message }
+        })?;
+        let services = Arc::clone(self);
+        node.watch_departures(move |departure| {
+            if let Some(name) = services.lease.left(departure, monotonic_now()) {
+                tracing::warn!("\"{name}\", which had claimed the robot, is gone: it is claimed no more");
+            }
+        });
+        Ok(())
+    }
+
+    fn open_load_gait(self: &Arc<Self>, node: &Node) -> Result<(), RosError> {
+        let services = Arc::clone(self);
+        node.serve_programs::<LoadGait>("load_gait", ServeOptions::default(), move |program, request| {
+            let free = services.lease.refusal(program, monotonic_now()).map_or(Ok(()), Err);
+            let loaded = free
+                .and_then(|()| Gait::from_json(&request.json).map_err(|e| e.to_string()))
+                .and_then(|gait| services.load(&gait));
+            let (success, message) = match loaded {
+                Ok(what) => (true, what),
+                // It may repeat what stands in the text.
+                Err(reason) => (false, printable(&reason, SENTENCE_CHARS).into_owned()),
+            };
+            tracing::info!("load_gait: {message}");
+            LoadGaitResponse { success, message }
+        })
+    }
+
     /// Creates the node's subscriptions and services.
     pub fn open(self: &Arc<Self>, node: &Node, mut sensors: Sensors, fast: Qos) -> Result<(), RosError> {
         if let Some(states) = sensors.states.take() {
@@ -250,19 +313,20 @@ impl Services {
             }
         })?;
         self.open_emergency_stop(node)?;
+        self.open_lease(node)?;
         // No service starts on the gait: the parameter simulation_start_on_gait does.
         for (service, request) in Request::NAMED.into_iter().filter(|(_, request)| *request != Request::StartOnGait) {
             let services = Arc::clone(self);
-            node.serve::<Trigger>(service, move |_| {
-                let (success, message) = services.ask(request);
+            node.serve_programs::<Trigger>(service, ServeOptions::default(), move |program, _| {
+                let (success, message) = services.ask_for(program, request);
                 tracing::info!("{service}: {message}");
                 TriggerResponse { success, message }
             })?;
         }
         let services = Arc::clone(self);
-        node.serve::<ClearFault>("clear_fault", move |request| {
+        node.serve_programs::<ClearFault>("clear_fault", ServeOptions::default(), move |program, request| {
             let (success, message) = match Fault::from_name(&request.name) {
-                Some(fault) => services.ask(Request::ClearFault(fault)),
+                Some(fault) => services.ask_for(program, Request::ClearFault(fault)),
                 None => (
                     false,
                     format!(
@@ -295,18 +359,6 @@ impl Services {
                 StopRecordingResponse { message, ..StopRecordingResponse::default() }
             }
         })?;
-        let services = Arc::clone(self);
-        node.serve::<LoadGait>("load_gait", move |request| {
-            let loaded =
-                Gait::from_json(&request.json).map_err(|e| e.to_string()).and_then(|gait| services.load(&gait));
-            let (success, message) = match loaded {
-                Ok(what) => (true, what),
-                // It may repeat what stands in the text.
-                Err(reason) => (false, printable(&reason, SENTENCE_CHARS).into_owned()),
-            };
-            tracing::info!("load_gait: {message}");
-            LoadGaitResponse { success, message }
-        })?;
-        Ok(())
+        self.open_load_gait(node)
     }
 }

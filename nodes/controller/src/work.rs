@@ -316,6 +316,7 @@ impl Managed for Work {
             running.services.bring_to_rest(STOPPING_PATIENCE, hurried);
         }
         running.emergency_stop.set_active(false);
+        running.services.end_lease();
         if !running.services.wait_for_mode(DAMPING_PATIENCE, hurried, |mode| {
             matches!(mode, Mode::Damping | Mode::Disarmed | Mode::Fault)
         }) {

@@ -12,6 +12,7 @@ use tandem_msgs::{Action, Service};
 use super::Node;
 use crate::action::{Dispatcher, Goal, GoalEnd};
 use crate::client::Client;
+use crate::matches::{Departure, ProgramId};
 use crate::names::Subject;
 use crate::parameters::{ParameterBuilder, ParameterType};
 use crate::peers::Peers;
@@ -48,6 +49,19 @@ impl Node {
         options: ServeOptions<S>,
         handler: impl Fn(S::Request) -> S::Response + Send + Sync + 'static,
     ) -> Result<(), RosError> {
+        self.serve_programs::<S>(service, options, move |_, request| handler(request))
+    }
+
+    /// As [`Node::serve_with`], for a handler that wants to know which program asks.
+    ///
+    /// # Errors
+    /// A wrong name, or the middleware's reason.
+    pub fn serve_programs<S: Service>(
+        &self,
+        service: &str,
+        options: ServeOptions<S>,
+        handler: impl Fn(ProgramId, S::Request) -> S::Response + Send + Sync + 'static,
+    ) -> Result<(), RosError> {
         let full = self.core.full_name(service, Subject::Service)?;
         let name = dds_name(&full)?;
         let callers = Peers::new(&self.core, &full);
@@ -66,6 +80,16 @@ impl Node {
             .map_err(|error| RosError::Create { what: format!("service {full}"), reason: error.to_string() })?;
         self.spawn(serve::<S>(full, server, callers, options, handler));
         Ok(())
+    }
+
+    /// Tells of every publisher and every program that is gone. `left` runs on the node's threads and must be short.
+    pub fn watch_departures(&self, mut left: impl FnMut(Departure) + Send + 'static) {
+        let mut departures = self.core.departures();
+        self.spawn(async move {
+            while let Some(departure) = departures.recv().await {
+                left(departure);
+            }
+        });
     }
 
     /// An action. One goal runs at a time, on a thread where it may take its time; `waiting` goals may wait behind it,
