@@ -1,7 +1,11 @@
 """Over DDS in lockstep, in balance: a client drives by cmd_vel, the controller's odom is held against the simulation's truth."""
 
 import math
+import os
+import pty
+import signal
 import subprocess
+import termios
 import threading
 import time
 
@@ -190,3 +194,72 @@ def test_a_velocity_begins_a_walk_of_a_robot_that_stands_and_it_stands_again_aft
     robot.wait(lambda: robot.mode() == "standing", 60, "standing")
     walk_for(robot, 4, "standing although it is asked to go")
     assert robot.mode() == "standing"
+
+
+class Terminal:
+    """tandem drive in a terminal of its own, with a hand on its keys."""
+
+    def __init__(self):
+        self.hand, self.side = pty.openpty()
+        self.before = termios.tcgetattr(self.side)
+        self.process = subprocess.Popen([ROOT / "target/release/tandem", "drive", "--hold", "2"], stdin=self.side, stdout=self.side, stderr=self.side)
+        self.text, self.key, self.goes_on = b"", b"", True
+        self.threads = [threading.Thread(target=work, daemon=True) for work in (self._read, self._type)]
+        for thread in self.threads:
+            thread.start()
+
+    def _read(self):
+        while self.goes_on:
+            self.text = (self.text + os.read(self.hand, 4096))[-4096:]
+
+    def _type(self):
+        """A key that is held repeats."""
+        while self.goes_on:
+            if self.key:
+                os.write(self.hand, self.key)
+            time.sleep(0.05)
+
+    def line(self):
+        return self.text.rsplit(b"\r", 1)[-1].decode(errors="replace")
+
+    def close(self):
+        self.process.kill()
+        self.goes_on = False
+
+
+@pytest.fixture
+def terminal():
+    terminal = Terminal()
+    yield terminal
+    terminal.close()
+
+
+def test_a_person_drives_from_a_terminal_and_the_space_bar_stops(heeding, terminal):
+    robot = heeding
+    assert robot.generate(behaviour="amble").success
+    robot.wait(lambda: robot.gaits, 10, "the gait")
+    for request in ("arm", "stand"):
+        robot.trigger(request)
+    robot.pause(False)
+    robot.wait(lambda: robot.mode() == "standing", 60, "standing")
+    walk_for(robot, 3, "standing for a while")
+    wait_until(lambda: "| standing" in terminal.line(), 20, terminal.line)
+    terminal.key = b"i"
+    robot.wait(lambda: robot.mode() == "walking", 60, "walking")
+    walk_for(robot, 3, "speeding up")
+    from_s = walk_for(robot, 4, "driven by a key")
+    ahead, left, turning = means(since(robot.truth, from_s))
+    print(f"driven by a key: {ahead:.3f} {left:.3f} {turning:.3f}; the line: {terminal.line()}")
+    assert ahead > 0.2 and abs(left) < 0.05 and abs(turning) < 0.05
+    wait_until(lambda: "asked +0.30" in terminal.line() and "| walking" in terminal.line(), 10, terminal.line)
+    terminal.key = b"j"
+    walk_for(robot, 2, "turning")
+    assert means(since(robot.truth, walk_for(robot, 2, "turning")))[2] > 0.35
+    terminal.key = b""
+    os.write(terminal.hand, b" ")
+    wait_until(lambda: robot.mode() == "damping", 20, lambda: f"{robot.states[-1]}")
+    assert robot.states[-1].fault == "emergency_stop"
+    wait_until(lambda: "EMERGENCY STOP" in terminal.line(), 10, terminal.line)
+    terminal.process.send_signal(signal.SIGINT)
+    assert terminal.process.wait(10) == 0, terminal.text
+    assert termios.tcgetattr(terminal.side) == terminal.before, "the terminal is as it was"

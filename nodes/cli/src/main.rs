@@ -5,6 +5,10 @@ mod output;
 
 mod bag;
 mod doctor;
+#[cfg(feature = "network")]
+mod drive;
+#[cfg(feature = "network")]
+mod hand;
 mod interrupt;
 mod library;
 mod plan;
@@ -52,6 +56,8 @@ enum Command {
     Robot(robot::Arguments),
     Doctor(doctor::Arguments),
     #[cfg(feature = "network")]
+    Drive(drive::Arguments),
+    #[cfg(feature = "network")]
     StopButton(stop_button::Arguments),
     Completions(shell::CompletionsArguments),
     Man(shell::ManArguments),
@@ -74,6 +80,8 @@ fn main() -> ExitCode {
         Command::Show(a) => show::run(&a),
         Command::Robot(a) => robot::run(&a),
         Command::Doctor(a) => doctor::run(&a),
+        #[cfg(feature = "network")]
+        Command::Drive(a) => drive::run(&a),
         #[cfg(feature = "network")]
         Command::StopButton(a) => stop_button::run(&a),
         Command::Completions(a) => shell::completions(&a, &mut Arguments::command()),

@@ -46,18 +46,12 @@ pub struct Arguments {
 
 /// Runs the subcommand.
 pub fn run(arguments: &Arguments) -> Result<ExitCode> {
-    if let Some(first) = arguments.ros.first()
-        && first != "--ros-args"
-    {
-        bail!("'{first}' is not known; expected options as in --help, or --ros-args");
-    }
+    let ros_arguments = node_arguments(&arguments.ros)?;
     if arguments.release_button == Some(arguments.button) {
         bail!("--release-button is {}, as --button; expected another one", arguments.button);
     }
     let joystick = arguments.joystick.as_deref().map(|path| (path, arguments.button, arguments.release_button));
     let input = Input::open(joystick)?;
-    let line = std::iter::once("tandem".to_owned()).chain(arguments.ros.iter().cloned());
-    let (ros_arguments, _) = ros::Arguments::from_line(line)?;
     let node = Node::start("stop_button", &ros_arguments.supervised())?;
     let publisher = node.publisher::<Bool>("emergency_stop", Qos::reliable(100))?;
     say(input.help());
@@ -69,6 +63,16 @@ pub fn run(arguments: &Arguments) -> Result<ExitCode> {
     node.shutdown();
     say("gone. A controller that asks for a heartbeat has stopped the robot, unless another stop button runs.");
     left.map(|()| ExitCode::SUCCESS)
+}
+
+/// The options of ROS 2 that stand at the end of a command line.
+pub fn node_arguments(line: &[String]) -> Result<ros::Arguments> {
+    if let Some(first) = line.first()
+        && first != "--ros-args"
+    {
+        bail!("'{first}' is not known; expected options as in --help, or --ros-args");
+    }
+    Ok(ros::Arguments::from_line(std::iter::once("tandem".to_owned()).chain(line.iter().cloned()))?.0)
 }
 
 /// A terminal in raw mode wants the carriage's return.

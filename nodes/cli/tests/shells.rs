@@ -34,6 +34,7 @@ const LINES: [(&str, i32, i32); 26] = [
     ("tandem doctor --seconds 0.1", 141, 1),
     // It has nothing to say on standard output, and no keys to listen to here.
     ("tandem stop-button", 1, 1),
+    ("tandem drive", 1, 1),
     ("tandem completions bash", 141, 1),
     ("tandem man man1", 141, 1),
     ("tandem --help", 141, 1),
