@@ -3,6 +3,8 @@
 #[macro_use]
 mod output;
 
+#[cfg(feature = "network")]
+mod adapt;
 mod bag;
 mod doctor;
 #[cfg(feature = "network")]
@@ -53,6 +55,8 @@ enum Command {
     Report(report::Arguments),
     #[cfg(feature = "network")]
     Show(show::Arguments),
+    #[cfg(feature = "network")]
+    Adapt(adapt::Arguments),
     Robot(robot::Arguments),
     Doctor(doctor::Arguments),
     #[cfg(feature = "network")]
@@ -78,6 +82,8 @@ fn main() -> ExitCode {
         Command::Report(a) => report::run(&a),
         #[cfg(feature = "network")]
         Command::Show(a) => show::run(&a),
+        #[cfg(feature = "network")]
+        Command::Adapt(a) => adapt::run(&a),
         Command::Robot(a) => robot::run(&a),
         Command::Doctor(a) => doctor::run(&a),
         #[cfg(feature = "network")]

@@ -9,7 +9,7 @@ use std::io::BufRead;
 use std::process::Stdio;
 
 /// Examples that need running nodes, a robot or a person, and where they are run.
-const ELSEWHERE: [(&str, &str); 8] = [
+const ELSEWHERE: [(&str, &str); 10] = [
     ("launch-scripts/demo", "launch-scripts/demo"),
     ("tandem walk gait1 amble --seconds 20 --out out/demo", "launch-scripts/demo"),
     ("tandem show &", "nodes/cli/tests/show.rs"),
@@ -17,6 +17,8 @@ const ELSEWHERE: [(&str, &str); 8] = [
     ("tandem drive", "tests/ros2/test_drive.py"),
     ("tandem drive --joystick /dev/input/js0 --button 1 --release-button 7", "nodes/cli/src/drive/steer.rs"),
     ("tandem stop-button", "tests/ros2/test_stop.py"),
+    ("tandem adapt config/adapters/vision60.toml", "tests/ros2/test_adapt.py"),
+    ("tandem adapt config/adapters/ros2_control.toml", "tests/ros2/test_adapt.py"),
     (
         "tandem stop-button --joystick /dev/input/js0 --button 1 --release-button 7",
         "nodes/cli/src/stop_button/input.rs",

@@ -29,6 +29,7 @@ const LINES: [(&str, i32, i32); 27] = [
     ("tandem report out/run --no-tiles -o report.html", 141, 1),
     ("tandem report out/run --no-tiles -o -", 141, 1),
     ("tandem show", 141, 1),
+    ("tandem adapt config/adapters/vision60.toml", 141, 1),
     ("tandem robot init my_robot.urdf -o robot --force", 141, 1),
     ("tandem robot check", 141, 1),
     ("tandem doctor --seconds 0.1", 141, 1),
