@@ -9,7 +9,7 @@ use std::process::Stdio;
 use std::time::{Duration, Instant};
 
 /// A line for each command; the code with a closed pipe, and with a full disk.
-const LINES: [(&str, i32, i32); 27] = [
+const LINES: [(&str, i32, i32); 28] = [
     ("tandem plan amble", 141, 1),
     ("tandem plan --table", 141, 1),
     ("tandem plan amble --verbose --verify --stability", 141, 1),
