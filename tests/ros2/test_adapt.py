@@ -64,24 +64,33 @@ def test_a_vision_60s_topics_are_seen_under_our_names(client, adapt):
 def test_commands_as_topic_based_ros2_control_sends_them_hold_a_simulated_robot(client, processes, adapt):
     from nav_msgs.msg import Odometry
     from sensor_msgs.msg import JointState
+    from std_srvs.srv import SetBool
+    from tandem_msgs.msg import JointCommand
 
     remap = ["--ros-args", "-r", "__ns:=/rc"]
-    bridge = processes("tandem_sim_bridge", *remap, "-r", "/clock:=/rc/clock", "-p", "initial_posture:=stand", "-p", "command_timeout_s:=5.0")
+    parameters = ("initial_posture:=stand", "command_timeout_s:=5.0", "start_paused:=true")
+    bridge = processes("tandem_sim_bridge", *remap, "-r", "/clock:=/rc/clock", *(word for one in parameters for word in ("-p", one)))
     process = adapt("config/adapters/ros2_control.toml", *remap)
-    states, odometry = [], []
+    states, odometry, adapted = [], [], []
     subscriptions = [
         client.node.create_subscription(JointState, "/rc/joint_states", lambda message: states.__setitem__(slice(None), [message]), best_effort(1)),
         client.node.create_subscription(Odometry, "/rc/odom", odometry.append, best_effort()),
+        client.node.create_subscription(JointCommand, "/rc/joint_command", adapted.append, 10),
     ]
     commands = client.node.create_publisher(JointState, "/rc/joint_commands", 10)
     stand = stand_rad()
-    wait_until(lambda: states, 30, bridge.text)
 
-    def held():
-        commands.publish(JointState(name=JOINTS, position=stand))
-        return odometry and odometry[-1].header.stamp.sec >= 6
+    def held(until):
+        def asked():
+            commands.publish(JointState(name=JOINTS, position=stand))
+            return until()
 
-    wait_until(held, 60, lambda: f"{process.text()}\n{bridge.text()}")
+        wait_until(asked, 60, lambda: f"{process.text()}\n{bridge.text()}")
+
+    # Without commands it would sink: time begins once they come.
+    held(lambda: len(adapted) > 20 and client.node.count_subscribers("/rc/joint_command") == 2)
+    assert client.call(client.service(SetBool, "/rc/pause"), SetBool.Request(data=False)).success
+    held(lambda: odometry and odometry[-1].header.stamp.sec >= 6)
     assert odometry[-1].pose.pose.position.z > 0.4, "it stands"
     measured = dict(zip(states[0].name, states[0].position, strict=True))
     assert all(abs(measured[name] - value) < 0.15 for name, value in zip(JOINTS, stand, strict=True)), measured

@@ -10,6 +10,7 @@ use ros::{Node, Publisher, Qos};
 use rules::Rules;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
+use tandem_msgs::builtin_interfaces::Time;
 use tandem_msgs::geometry_msgs::Twist;
 use tandem_msgs::sensor_msgs::{Imu, JointState};
 use tandem_msgs::{JointCommand, Message};
@@ -64,8 +65,12 @@ pub fn run(arguments: &Arguments) -> Result<ExitCode> {
         hand_on(&node, &rule.from, &rule.to, Ok::<Twist, String>)?;
     }
     for rule in &rules.joint_commands {
-        let mut adapter = CommandAdapter::new(&robot);
-        hand_on(&node, &rule.from, &rule.to, move |message: JointState| -> Result<JointCommand, String> {
+        let (mut adapter, clock) = (CommandAdapter::new(&robot), node.clock());
+        hand_on(&node, &rule.from, &rule.to, move |mut message: JointState| -> Result<JointCommand, String> {
+            // The simulation takes a command whose stamp it has seen for the one that it has: it would damp.
+            if message.header.stamp == Time::default() {
+                message.header.stamp = clock.now();
+            }
             adapter.adapt(&message)
         })?;
     }
