@@ -17,10 +17,13 @@ from test_walk import Robot, best_effort, seconds
 class Driver:
     """Publishes a velocity 50 times a second, as teleop_twist_keyboard and Nav2 do, until it is asked to be silent."""
 
-    def __init__(self, node):
-        from geometry_msgs.msg import Twist
+    def __init__(self, node, stamped=False):
+        from geometry_msgs.msg import Twist, TwistStamped
 
-        self.twist, self.publisher = Twist(), node.create_publisher(Twist, "cmd_vel", 10)
+        # Its stamp stays at 1970 and its frame empty: neither is looked at.
+        self.message = TwistStamped() if stamped else Twist()
+        self.twist = self.message.twist if stamped else self.message
+        self.publisher = node.create_publisher(type(self.message), "cmd_vel", 10)
         self.speaks, self.goes_on = False, True
         self.thread = threading.Thread(target=self._speak, daemon=True)
         self.thread.start()
@@ -28,7 +31,7 @@ class Driver:
     def _speak(self):
         while self.goes_on:
             if self.speaks:
-                self.publisher.publish(self.twist)
+                self.publisher.publish(self.message)
             time.sleep(0.02)
 
     def ask(self, forward_m_s, left_m_s, yaw_rad_s):
@@ -40,7 +43,7 @@ class Driver:
         self.thread.join()
 
 
-def driven(processes, ros, tmp_path, *more):
+def driven(processes, ros, tmp_path, *more, stamped=False):
     from nav_msgs.msg import Odometry
 
     # Simulated time runs several times as fast as this client, which a busy machine holds up for a tenth of a second.
@@ -48,7 +51,7 @@ def driven(processes, ros, tmp_path, *more):
     robot = Robot(processes, ros, "", parameters=["ground_truth:=true"], controller=controller)
     robot.truth = []
     robot.client.node.create_subscription(Odometry, "ground_truth/odom", robot.truth.append, best_effort())
-    robot.driver = Driver(robot.client.node)
+    robot.driver = Driver(robot.client.node, stamped)
     yield robot
     robot.driver.close()
     robot.close()
@@ -62,6 +65,11 @@ def robot(processes, ros, tmp_path):
 @pytest.fixture
 def heeding(processes, ros, tmp_path):
     yield from driven(processes, ros, tmp_path, "cmd_vel_walks:=true")
+
+
+@pytest.fixture
+def stamped(processes, ros, tmp_path):
+    yield from driven(processes, ros, tmp_path, "cmd_vel_stamped:=true", stamped=True)
 
 
 def yaw(message):
@@ -194,6 +202,29 @@ def test_a_velocity_begins_a_walk_of_a_robot_that_stands_and_it_stands_again_aft
     robot.wait(lambda: robot.mode() == "standing", 60, "standing")
     walk_for(robot, 4, "standing although it is asked to go")
     assert robot.mode() == "standing"
+
+
+def test_with_cmd_vel_stamped_it_is_driven_by_twists_with_a_stamp(stamped):
+    from geometry_msgs.msg import TwistStamped
+
+    robot = stamped
+    types = dict(robot.client.node.get_topic_names_and_types())
+    assert types[robot.driver.publisher.topic_name] == [f"geometry_msgs/msg/{TwistStamped.__name__}"], types
+    assert robot.generate(behaviour="amble").success
+    robot.wait(lambda: robot.gaits, 10, "the gait")
+    for request in ("arm", "stand", "walk"):
+        robot.trigger(request)
+    robot.driver.ask(0.2, 0.0, 0.3)
+    robot.pause(False)
+    robot.wait(lambda: robot.mode() == "walking", 90, "walking")
+    walk_for(robot, 4, "speeding up")
+    ahead, left, turning = means(since(robot.truth, walk_for(robot, 4, "driving")))
+    print(f"driven by TwistStamped: {ahead:.3f} {left:.3f} {turning:.3f}")
+    assert (ahead, left, turning) == (pytest.approx(0.2, abs=0.08), pytest.approx(0.0, abs=0.04), pytest.approx(0.3, abs=0.06))
+    # And one that falls silent is stale.
+    robot.driver.speaks = False
+    walk_for(robot, 4, "stale")
+    assert all(abs(value) < 0.05 for value in means(since(robot.truth, walk_for(robot, 2, "in place"))))
 
 
 class Terminal:
