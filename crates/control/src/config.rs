@@ -2,10 +2,11 @@
 
 use crate::balance_config::BalanceConfig;
 use crate::{STILL_RAD, setting};
+use gait::LEGS;
 use joints::{CommandRange, JOINTS};
 use nalgebra::{Matrix3, Matrix3x4, Vector3};
 use rigid_body::{Data, center_of_mass, frame_position, rnea};
-use robot::Robot;
+use robot::{LegKinematics, Robot};
 
 /// A posture to hold on four feet.
 #[derive(Clone, Copy, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
@@ -112,6 +113,10 @@ pub struct Config {
     pub over_temperature_c: f64,
     /// Joints slower than this count as at rest, rad/s.
     pub rest_velocity_rad_s: f64,
+    /// The legs' kinematics, where they can be inverted: feet that carry the robot stay where they are while it sits
+    /// down.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub legs: Option<[LegKinematics; LEGS]>,
     /// The balanced law, which is walked where inertial data is received; none: the paper's law.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub balance: Option<BalanceConfig>,
@@ -184,6 +189,7 @@ impl Config {
             hot_c: 80.0,
             over_temperature_c: 95.0,
             rest_velocity_rad_s: 1.0,
+            legs: LegKinematics::all(robot).ok(),
             balance: None,
         }
     }

@@ -33,6 +33,7 @@ mod gait_clock;
 mod inertial;
 mod interface;
 mod law;
+mod lift;
 mod limits;
 mod memory;
 mod motion;

@@ -2,6 +2,7 @@
 
 use crate::gait_clock::{GaitClock, Growth, Offset};
 use crate::law::{Law, grown};
+use crate::lift::Lift;
 use crate::ramp::Ramp;
 use crate::{Config, Event, JOINTS, JointCommand, JointState, Mode, Posture, PreparedGait};
 use gait::StepSide;
@@ -31,6 +32,8 @@ pub(crate) enum Course {
     None,
     /// A ramp, then its end is held. `then` follows it.
     Ramp { ramp: Ramp, start: Duration, then: Then },
+    /// The same over feet that stay where they are.
+    Lift { lift: Lift, start: Duration, then: Then },
     /// The gait.
     Gait(GaitClock),
 }
@@ -40,6 +43,8 @@ pub(crate) enum Course {
 pub(crate) enum Then {
     /// Rise from the folded posture.
     Rise,
+    /// Draw the feet in, which carry nothing any more, to the sitting posture.
+    Fold,
     /// Let go.
     LetGo,
     /// The mode's posture is reached.
@@ -96,6 +101,7 @@ impl Motion {
     pub fn setpoint(&self, law: &Law, config: &Config, now: Duration) -> JointCommand {
         match (&self.course, &self.gait) {
             (Course::Ramp { ramp, start, .. }, _) => ramp.at(now.saturating_sub(*start).as_secs_f64()),
+            (Course::Lift { lift, start, .. }, _) => lift.at(config, now.saturating_sub(*start).as_secs_f64()),
             (Course::Gait(clock), Some(gait)) => law.reference(gait, &clock.place(config, now)),
             (Course::None, _) | (Course::Gait(_), None) => JointCommand::LIMP,
         }
@@ -114,7 +120,7 @@ impl Motion {
         match &self.course {
             Course::None => Expected::NOTHING,
             Course::Gait(clock) => Expected { held: [true; JOINTS], walks: clock.growth(config, now).is_whole() },
-            Course::Ramp { ramp, start, .. } => {
+            Course::Ramp { ramp, start, .. } | Course::Lift { lift: Lift { ramp, .. }, start, .. } => {
                 let kp = ramp.at(now.saturating_sub(*start).as_secs_f64()).kp;
                 Expected { held: std::array::from_fn(|j| kp[j] >= 0.5 * config.posture_kp[j]), walks: false }
             }
@@ -136,16 +142,38 @@ impl Motion {
         self.course = Course::Ramp { ramp: Ramp { from, to, duration_s, gain_s }, start: now, then };
     }
 
+    /// Over the feet to the height of the posture `to`; joint by joint where the legs' kinematics are not known.
+    fn lift(
+        &mut self,
+        config: &Config,
+        from: JointCommand,
+        commanded_rad: &[f64; JOINTS],
+        to: JointCommand,
+        then: Then,
+        now: Duration,
+    ) {
+        let duration_s = |to_rad: &_| posture_duration_s(config, commanded_rad, to_rad);
+        let Some(legs) = &config.legs else {
+            let then = if then == Then::Fold { Then::LetGo } else { then };
+            return self.ramp(config, from, to, duration_s(&to.position_rad), then, now);
+        };
+        let gain_s = from.kp.contains(&0.0).then_some(config.gain_ramp_s);
+        self.course = Course::Lift { lift: Lift::new(legs, from, to, duration_s, gain_s), start: now, then };
+    }
+
     /// To the standing posture out of `from`, what is asked for now.
     pub fn stand(&mut self, config: &Config, from: JointCommand, now: Duration) {
         self.ramp(config, from, posture(config, &config.stand), config.stop_blend_s, Then::Done, now);
     }
 
-    /// To the standing posture out of sitting down, `from` what is asked for now.
+    /// To standing out of sitting down, `from` what is asked for now: over the feet as long as they carry the robot.
     pub fn stand_again(&mut self, config: &Config, from: JointCommand, commanded_rad: &[f64; JOINTS], now: Duration) {
-        let to = posture(config, &config.stand);
-        let duration_s = posture_duration_s(config, commanded_rad, &to.position_rad);
-        self.ramp(config, from, to, duration_s, Then::Done, now);
+        if config.legs.is_some() && !matches!(self.course, Course::Lift { .. }) {
+            let to = folded(config);
+            let duration_s = posture_duration_s(config, commanded_rad, &to.position_rad);
+            return self.ramp(config, from, to, duration_s, Then::Rise, now);
+        }
+        self.lift(config, from, commanded_rad, posture(config, &config.stand), Then::Done, now);
     }
 
     /// From wherever the joints are, gains from zero: to standing directly if that is near, else by way of sitting with
@@ -159,10 +187,14 @@ impl Motion {
         self.ramp(config, from, to, duration_s, then, now);
     }
 
-    /// To the sitting posture, `from` what is asked for now.
+    /// To the sitting posture, `from` what is asked for now: down over the feet, which then are drawn in.
     pub fn sit_down(&mut self, config: &Config, from: JointCommand, commanded_rad: &[f64; JOINTS], now: Duration) {
+        self.lift(config, from, commanded_rad, posture(config, &config.sit), Then::Fold, now);
+    }
+
+    fn fold(&mut self, config: &Config, from: JointCommand, now: Duration) {
         let to = posture(config, &config.sit);
-        let duration_s = posture_duration_s(config, commanded_rad, &to.position_rad);
+        let duration_s = posture_duration_s(config, &from.position_rad, &to.position_rad);
         self.ramp(config, from, to, duration_s, Then::LetGo, now);
     }
 
@@ -272,7 +304,7 @@ impl Motion {
                 self.adopt_pending();
                 Progress::Nothing
             }
-            Course::Ramp { ramp, start, then } => {
+            Course::Ramp { ramp, start, then } | Course::Lift { lift: Lift { ramp, .. }, start, then } => {
                 if self.pending.is_some() && mode != Mode::Starting {
                     self.adopt_pending();
                 }
@@ -281,6 +313,7 @@ impl Motion {
                 }
                 match (then, mode) {
                     (Then::Rise, _) => self.rise(config, ramp.to, now),
+                    (Then::Fold, _) => self.fold(config, ramp.to, now),
                     (Then::LetGo, _) => self.release(config, ramp.to, now),
                     // A gait that came meanwhile: blend on to its first posture.
                     (Then::Done, Mode::Starting) if self.pending.is_some() => {

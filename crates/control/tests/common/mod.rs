@@ -69,6 +69,7 @@ pub fn config() -> Config {
         hot_c: 80.0,
         over_temperature_c: 95.0,
         rest_velocity_rad_s: 1.0,
+        legs: None,
         balance: None,
     }
 }
