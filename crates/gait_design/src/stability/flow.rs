@@ -34,7 +34,8 @@ impl Flow {
 
     /// G (w, ẇ, p) for these w and ẇ; p stays as at the start.
     fn accelerations(g: &[Row; ROWS], w: &[Row; ROWS], rate: Option<&[Row; ROWS]>) -> [Row; ROWS] {
-        std::array::from_fn(|r| {
+        let mut sums = [[0.0; STATE]; ROWS];
+        for r in 0..ROWS {
             let mut sum = [0.0; STATE];
             sum[PLACES..].copy_from_slice(&g[r][PLACES..]);
             for (k, row) in w.iter().enumerate() {
@@ -43,8 +44,9 @@ impl Flow {
             for (k, row) in rate.into_iter().flatten().enumerate() {
                 add(&mut sum, g[r][RATES + k], row);
             }
-            sum
-        })
+            sums[r] = sum;
+        }
+        sums
     }
 
     /// One step. With x₁ = x₀ + h/2 (v₀ + v₁) + h²/12 (a₀ − a₁), the middle's
@@ -55,12 +57,13 @@ impl Flow {
     fn step(&mut self, g0: &[Row; ROWS], gm: &[Row; ROWS], g1: &[Row; ROWS], h: f64) -> Result<(), DynamicsError> {
         let a0 = Self::accelerations(g0, &self.position, Some(&self.rate));
         let known = |terms: [f64; 3]| -> [Row; ROWS] {
-            std::array::from_fn(|i| {
-                let mut row = self.position[i].map(|x| terms[0] * x);
-                add(&mut row, terms[1], &self.rate[i]);
-                add(&mut row, terms[2], &a0[i]);
-                row
-            })
+            let mut rows = self.position;
+            for (i, row) in rows.iter_mut().enumerate() {
+                row.iter_mut().for_each(|x| *x *= terms[0]);
+                add(row, terms[1], &self.rate[i]);
+                add(row, terms[2], &a0[i]);
+            }
+            rows
         };
         let (x1, xm) = (known([1.0, h / 2.0, h * h / 12.0]), known([1.0, 3.0 * h / 8.0, h * h / 24.0]));
         let of_x1 = Self::accelerations(g1, &x1, None);
@@ -117,7 +120,7 @@ fn solve(matrix: &mut [[f64; 2 * ROWS]; 2 * ROWS], right: &mut [Row; 2 * ROWS]) 
     }
     for c in (0..2 * ROWS).rev() {
         let inverse = 1.0 / matrix[c][c];
-        right[c] = right[c].map(|v| v * inverse);
+        right[c].iter_mut().for_each(|v| *v *= inverse);
         let known = right[c];
         for r in 0..c {
             add(&mut right[r], -matrix[r][c], &known);

@@ -103,13 +103,13 @@ fn toe_changes(toe: &PointKinematics, first: usize, q: &[Row; DOF], v: &[Row; DO
 }
 
 fn along(inverse: &Matrix3<f64>, rows: &[Row; 3]) -> [Row; 3] {
-    std::array::from_fn(|r| {
-        let mut sum = [0.0; STATE];
+    let mut sums = [[0.0; STATE]; 3];
+    for (r, sum) in sums.iter_mut().enumerate() {
         for (k, row) in rows.iter().enumerate() {
-            add(&mut sum, inverse[(r, k)], row);
+            add(sum, inverse[(r, k)], row);
         }
-        sum
-    })
+    }
+    sums
 }
 
 /// G at a point of the plan under the tracking law.
@@ -190,14 +190,14 @@ fn solve_symmetric(l: &mut [[f64; ROWS]; ROWS], right: &mut [Row; ROWS]) -> Resu
         for (k, row) in above.iter().enumerate() {
             add(&mut below[0], -l[i][k], row);
         }
-        below[0] = below[0].map(|v| v / l[i][i]);
+        below[0].iter_mut().for_each(|v| *v /= l[i][i]);
     }
     for i in (0..ROWS).rev() {
         let (above, below) = right.split_at_mut(i + 1);
         for (k, row) in below.iter().enumerate() {
             add(&mut above[i], -l[i + 1 + k][i], row);
         }
-        above[i] = above[i].map(|v| v / l[i][i]);
+        above[i].iter_mut().for_each(|v| *v /= l[i][i]);
     }
     Ok(())
 }
