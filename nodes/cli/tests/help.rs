@@ -9,10 +9,11 @@ use std::io::BufRead;
 use std::process::Stdio;
 
 /// Examples that need running nodes, a robot or a person, and where they are run.
-const ELSEWHERE: [(&str, &str); 10] = [
+const ELSEWHERE: [(&str, &str); 11] = [
     ("launch-scripts/demo", "launch-scripts/demo"),
     ("tandem walk gait1 amble --seconds 20 --out out/demo", "launch-scripts/demo"),
     ("tandem show &", "nodes/cli/tests/show.rs"),
+    ("tandem show --web", "tests/ros2/test_web.py"),
     ("rviz2 -d config/rviz/tandem.rviz", "config/rviz/tandem.rviz"),
     ("tandem drive", "tests/ros2/test_drive.py"),
     ("tandem drive --joystick /dev/input/js0 --button 1 --release-button 7", "nodes/cli/src/drive/steer.rs"),
