@@ -14,7 +14,7 @@ pub enum GaitMessageError {
         "gait message: version is {found}, expected {GAIT_VERSION} or {GAIT_VERSION_TWO_STEPS}: run planner and controller of one release"
     )]
     Version {
-        /// What the message says.
+        /// What the message reports.
         found: u32,
     },
     /// Another polynomial degree.
@@ -22,7 +22,7 @@ pub enum GaitMessageError {
     Degree {
         /// The gait's name.
         gait: String,
-        /// What the message says.
+        /// What the message reports.
         found: u8,
     },
     /// A second step in a version that has none, or none in one that has.
@@ -32,7 +32,7 @@ pub enum GaitMessageError {
     SecondStep {
         /// The gait's name.
         gait: String,
-        /// What the message says.
+        /// What the message reports.
         version: u32,
         /// How many coefficients there are.
         found: usize,

@@ -47,7 +47,7 @@ pub trait Action: 'static {
     type Goal: Message;
     /// What the server answers at the end.
     type Result: Message;
-    /// What the server says on the way.
+    /// What the server reports on the way.
     type Feedback: Message;
 }
 

@@ -234,7 +234,7 @@ messages! { "tandem_msgs";
         step_duration_s: f64,
         /// How far the base moves forward in a step, m.
         step_length_m: f64,
-        /// What the solver said, also of a gait that was not found.
+        /// What the solver reported, also of a gait that was not found.
         solver: SolverReport,
         /// Points of the program that the plan came from; 0: this and the three fields after it are not known.
         points: u32,

@@ -249,7 +249,7 @@ def test_a_walking_robot_does_not_notice(robot, loop, processes):
         assert all(later - earlier < 4096 for earlier, later in zip(settled, visits[-1], strict=True)), visits
     # It walked on, was seen to, and nothing of the garbage was taken for a message.
     assert {state.mode for state in seen} == {"walking"} and len(seen) > 20 * took
-    # Most of the garbage does not even decode; what does is dropped for its type. Either is said.
+    # Most of the garbage does not even decode; what does is dropped for its type. Either is reported.
     inputs = {1: [name for name in INPUTS if name not in ("joint_command", "push")], 2: ["joint_command", "push"]}
     for node, topics in inputs.items():
         for topic in topics:
@@ -344,7 +344,7 @@ def test_parameters_that_cannot_be_are_refused_by_name(robot, client, processes)
         request = SetParameters.Request(parameters=[Parameter(name=name, value=given)])
         (result,) = client.call(client_of[node], request).results
         assert not result.successful and expected in result.reason and name in result.reason, result
-    # At the start a wrong type ends the node with one sentence, and an unknown name is said and ignored.
+    # At the start a wrong type ends the node with one sentence, and an unknown name is reported and ignored.
     wrong = processes("tandem_planner", "--ros-args", "-r", "__ns:=/wrong", "-p", "time_limit_s:=soon")
     wait_until(lambda: not wrong.alive(), 10, "it ends")
     assert wrong.process.returncode == 1 and "time_limit_s" in wrong.text() and "expected double" in wrong.text()

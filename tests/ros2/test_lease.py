@@ -79,7 +79,7 @@ def ask(controller, client):
     return ask
 
 
-# What it says when it would move the robot, beside a lease or without: it has no joint states here.
+# What it reports when it would move the robot, beside a lease or without: it has no joint states here.
 MOVES = [("arm", {}), ("stand", {}), ("sit", {}), ("walk", {}), ("clear_fault", {"name": "tilt"}), ("load_gait", {"json": "{}"})]
 
 

@@ -17,7 +17,7 @@ ROOT = pathlib.Path(__file__).resolve().parents[2]
 TARGET = pathlib.Path(os.environ.get("CARGO_TARGET_DIR", ROOT / "target")) / "release"
 ANALYZE = sys.argv[1]
 MOST_EXPOSURE = 2.0
-# What each program says when it is up. Over DDS: on CAN the filter is the same, only the sockets' family differs.
+# What each program reports when it is up. Over DDS: on CAN the filter is the same, only the sockets' family differs.
 READY = {"tandem-controller": "disarmed, over DDS", "tandem-planner": "ready"}
 
 SCMP_ACT_ALLOW, PR_SET_NO_NEW_PRIVS = 0x7FFF0000, 38

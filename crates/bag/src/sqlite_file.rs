@@ -117,7 +117,7 @@ fn read_topics(
     Ok((channels, ids))
 }
 
-/// What the recording says of its topics' types.
+/// What the recording reports of its topics' types.
 fn read_definitions(connection: &Connection, channels: &mut BTreeMap<u16, Channel>) -> rusqlite::Result<()> {
     let query = "SELECT topic_type, encoding, encoded_message_definition FROM message_definitions";
     let mut statement = connection.prepare(query)?;

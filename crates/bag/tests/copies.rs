@@ -53,7 +53,7 @@ fn write_mixed(path: &Path) {
     writer.finish().unwrap();
 }
 
-/// Topic, encoding, schema, what else is said of the topic, times and number, content.
+/// Topic, encoding, schema, what else is reported of the topic, times and number, content.
 type Said = (String, String, Option<mcap::Schema<'static>>, BTreeMap<String, String>, [u64; 3], Vec<u8>);
 
 /// Everything that an MCAP file says of its messages, by another reader than ours.

@@ -103,7 +103,7 @@ impl Snapshot {
         }
     }
 
-    /// What the balance says of itself.
+    /// What the balance reports of itself.
     pub(crate) fn balance_told(&self, config: &Config) -> (Option<Estimator>, Option<crate::balanced::BalanceReport>) {
         let report = match &self.law {
             Law::Balanced(balanced) => Some(*balanced.report()),

@@ -29,7 +29,7 @@ pub(crate) struct Day {
     pub faults: FaultSet,
     pub report: Option<FaultReport>,
     pub walk_wanted: bool,
-    /// What the present input says of the emergency stop.
+    /// What the present input reports of the emergency stop.
     pub emergency_stop: bool,
     /// Whether a velocity begins a walk.
     #[serde(default)]

@@ -1,4 +1,4 @@
-//! What an inertial unit says.
+//! What an inertial unit reports.
 
 use joints::resolution::{acceleration_m_s2, quaternion, velocity_rad_s};
 use std::time::Duration;

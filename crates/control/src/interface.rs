@@ -1,4 +1,4 @@
-//! What one step is given and what it says.
+//! What one step is given and what it returns.
 
 use crate::balanced::{BalanceReport, VelocityCommand};
 use crate::{
@@ -99,7 +99,7 @@ impl DampingReason {
     }
 }
 
-/// All that one step says.
+/// All that one step returns.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Output {
     /// What to send.

@@ -123,7 +123,7 @@ impl Watch {
         believed
     }
 
-    /// What a new state says of drives and joints, beside what was commanded.
+    /// What a new state reports of drives and joints, beside what was commanded.
     pub fn watch_joints(&mut self, seen: &Seen, found: &mut Found) {
         let Some(state) = self.joints else { return };
         if !seen.mode.drives_on() {
@@ -295,7 +295,7 @@ fn watch_drive(config: &Config, state: &JointState, joint: usize, found: &mut Fo
     }
 }
 
-/// What the inertial unit says.
+/// What the inertial unit reports.
 pub(crate) fn watch_inertial(config: &Config, mode: Mode, inertial: Option<&InertialState>, found: &mut Found) {
     let Some(state) = inertial.filter(|_| mode.drives_on()) else { return };
     let limit = config.tilt_limit_rad;

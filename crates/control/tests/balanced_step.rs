@@ -25,10 +25,10 @@ fn without_an_inertial_unit_balance_walks_the_papers_law_to_the_bit() {
 
 #[test]
 fn with_balance_off_a_unit_and_a_velocity_change_nothing_to_the_bit() {
-    let (mut alone, mut told) = (Bench::walking(config(false)), Bench::walking(config(false)));
+    let (mut alone, mut driven) = (Bench::walking(config(false)), Bench::walking(config(false)));
     alone.unit = None;
-    told.velocity = Some(VelocityCommand { velocity: drive(0.3, 0.1, 0.2), arrived: told.now });
-    assert_eq!(alone.run(3000), told.run(3000));
+    driven.velocity = Some(VelocityCommand { velocity: drive(0.3, 0.1, 0.2), arrived: driven.now });
+    assert_eq!(alone.run(3000), driven.run(3000));
 }
 
 /// Over switches, a stop, standing, and walking out of standing, driven.
@@ -163,7 +163,7 @@ fn a_base_that_turns_over_by_its_estimate_is_a_tilt() {
 #[test]
 fn a_push_without_end_is_balance_lost() {
     let mut config = config(true);
-    // Joints that go where they are told never meet these.
+    // Joints that go where they are commanded never meet these.
     config.balance.as_mut().unwrap().estimator.speed_limit_m_s = 100.0;
     config.tilt_limit_rad = 1.5;
     let mut bench = Bench::walking(config);

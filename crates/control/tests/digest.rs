@@ -6,7 +6,7 @@ use common::*;
 use control::*;
 use std::time::Duration;
 
-/// What the programs said before `controller.rs` was split by state.
+/// What the programs reported before `controller.rs` was split by state.
 const DIGEST: u64 = 0x2d46_f6ee_310d_f9b6;
 
 const ROBOTS: u64 = 50;

@@ -96,7 +96,7 @@ proptest! {
                 let front = bipeds
                     .closed_loop(Side::Front, &pairing, &q_f, &v_f, &joints, &stance)
                     .expect("consistent");
-                // CL-Dyn-r, told the same motion, finds the same.
+                // CL-Dyn-r, given the same motion, finds the same.
                 let (q_r, v_r) = (pairing.position(&q_f), pairing.rate(&v_f));
                 let a_r = pairing.rate(&front.acceleration);
                 let joints_r = std::array::from_fn(|k| a_r[6 + k]);

@@ -20,7 +20,7 @@ impl Gait {
                 return Err(self.refuse(field, format!("is {value}, expected a number of at least 0")));
             }
         }
-        // Whoever reads the word alone must not be told what the figure denies.
+        // Whoever reads the word alone must not read what the figure denies.
         if c.stable && c.largest_multiplier >= 1.0 {
             let problem = format!("is true, expected false with a largest multiplier of {}", c.largest_multiplier);
             return Err(self.refuse("certificate.stable", problem));

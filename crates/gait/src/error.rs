@@ -17,7 +17,7 @@ pub enum GaitError {
     /// Another kind of file.
     #[error("gait file: format is \"{found}\", expected \"{FILE_FORMAT}\": this is not a gait file")]
     Format {
-        /// What the file says.
+        /// What the file reports.
         found: String,
     },
     /// A version this software does not read.
@@ -25,7 +25,7 @@ pub enum GaitError {
         "gait file: version is {found}, expected {FILE_VERSION} or {FILE_VERSION_TWO_STEPS}: plan the gait again with this version's `tandem plan`"
     )]
     Version {
-        /// What the file says.
+        /// What the file reports.
         found: u64,
     },
     /// A value that no gait can have.

@@ -69,7 +69,7 @@ gait_type! {
         torque_limit_nm: [f64; JOINTS],
         /// The request that was planned, as data.
         request: serde_json::Value,
-        /// What the solver said.
+        /// What the solver reported.
         solver: SolverSummary,
         /// How it stands by itself; none of a gait that was not planned but interpolated, or planned before there were
         /// certificates.
@@ -106,7 +106,7 @@ pub struct InitialState {
     pub joint_velocity_rad_s: [f64; JOINTS],
 }
 
-/// What the solver said of the gait.
+/// What the solver reported of the gait.
 #[derive(Clone, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct SolverSummary {

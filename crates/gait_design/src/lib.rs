@@ -223,7 +223,7 @@ pub fn on_slope(robot: &Robot, request: &GaitRequest) -> Robot {
     robot
 }
 
-/// What a gait says of its solve. This crate reads no clock: the caller puts the time in.
+/// What a gait reports of its solve. This crate reads no clock: the caller puts the time in.
 fn summary(solution: &Solution) -> SolverSummary {
     SolverSummary {
         status: solution.status.to_string(),

@@ -42,7 +42,7 @@ fn a_request_at_the_edge_gets_a_gait_or_the_nearest_that_works_and_what_binds() 
     ];
     // The table of docs/planning.md: "a gait", or what works as the answer's first number.
     const DOCS: &str = include_str!("../../../docs/planning.md");
-    let told = |what: &str| -> &str {
+    let docs = |what: &str| -> &str {
         let row = DOCS.lines().find_map(|line| line.strip_prefix(&format!("| {what} | ")));
         row.unwrap_or_else(|| panic!("docs/planning.md has no row \"{what}\""))
     };
@@ -52,7 +52,7 @@ fn a_request_at_the_edge_gets_a_gait_or_the_nearest_that_works_and_what_binds() 
         match plan_or_nearest(&robot, &request, &PlanOptions::default(), go_on, || true) {
             Ok(plan) => {
                 println!("{what}: {} iterations", plan.gait.solver.iterations);
-                assert!(told(what).starts_with("a gait"), "{what}: the docs say {}", told(what));
+                assert!(docs(what).starts_with("a gait"), "{what}: the docs say {}", docs(what));
                 keeps_its_limits(&robot, &request, &plan);
             }
             Err(refusal) => {
@@ -60,9 +60,9 @@ fn a_request_at_the_edge_gets_a_gait_or_the_nearest_that_works_and_what_binds() 
                 let nearest = refusal.nearest.as_ref().unwrap_or_else(|| panic!("{what}: nothing near: {refusal}"));
                 assert!(nearest.changed.iter().all(|c| c.field.starts_with(field)), "{what}: {refusal}");
                 assert!(!nearest.changed.is_empty(), "{what}: {refusal}");
-                let (works, number) = (nearest.changed[0].works, told(what).split(' ').next().map(str::parse::<f64>));
-                let Some(Ok(number)) = number else { panic!("{what}: {works} works, the docs say {}", told(what)) };
-                assert!((number / works - 1.0).abs() < 0.01, "{what}: {works} works, the docs say {}", told(what));
+                let (works, number) = (nearest.changed[0].works, docs(what).split(' ').next().map(str::parse::<f64>));
+                let Some(Ok(number)) = number else { panic!("{what}: {works} works, the docs say {}", docs(what)) };
+                assert!((number / works - 1.0).abs() < 0.01, "{what}: {works} works, the docs say {}", docs(what));
                 let plan = plan(&robot, &nearest.request, &PlanOptions::default(), go_on);
                 let plan = plan.unwrap_or_else(|e| panic!("{what}: what is proposed has no gait: {e}"));
                 keeps_its_limits(&robot, &nearest.request, &plan);

@@ -74,7 +74,7 @@ impl CanLink {
     }
 }
 
-/// What an error frame says.
+/// What an error frame reports.
 fn decode_error(frame: &CanErrorFrame) -> Incoming {
     // linux/can/error.h
     const BUS_OFF: u32 = 0x40;

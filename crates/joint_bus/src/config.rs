@@ -52,7 +52,7 @@ pub struct BusConfig {
     pub protocol: ProtocolName,
     /// Identifier of replies.
     pub host_id: u32,
-    /// Whether drives whose protocol has no query are told to rest, which they answer, before anybody has armed.
+    /// Whether drives whose protocol has no query are commanded to rest, which they answer, before anybody has armed.
     pub ask_before_arming: bool,
     /// Names of the interfaces, such as `can0`.
     pub interfaces: Vec<String>,

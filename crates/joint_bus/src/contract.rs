@@ -9,7 +9,7 @@ pub trait ContractBench {
     /// The backend under test.
     fn bus(&mut self) -> &mut dyn JointBus;
     /// Lets the far end act by `now`: take what was sent and reply. Joint j is at `position_rad[j]`, moving at
-    /// `velocity_rad_s[j]`; joint `silent` says nothing. Returns the torque of each joint.
+    /// `velocity_rad_s[j]`; joint `silent` sends nothing. Returns the torque of each joint.
     fn act(
         &mut self,
         now: Duration,

@@ -1,4 +1,4 @@
-//! What is said to a drive and what it says, in the drive's own terms (motor side), and the trait of the protocols.
+//! What is sent to a drive and what it replies, in the drive's own terms (motor side), and the trait of the protocols.
 
 use crate::Frame;
 
@@ -29,7 +29,7 @@ pub struct DriveLimits {
     pub watchdog_s: Option<f64>,
 }
 
-/// What a drive says of itself.
+/// What a drive reports of itself.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct DriveReply {
     /// rad.
@@ -119,7 +119,7 @@ pub trait Protocol {
     fn encode_request(&self, id: u8, ranges: &Ranges, request: &DriveRequest) -> Result<Frame, EncodeError>;
     /// The drive that a reply comes from; `None` if the frame is no reply of this protocol.
     fn reply_id(&self, frame: &Frame) -> Option<u8>;
-    /// What a reply says; `None` if the frame is damaged.
+    /// What a reply reports; `None` if the frame is damaged.
     fn decode_reply(&self, ranges: &Ranges, frame: &Frame) -> Option<DriveReply>;
     /// The drive's end: what a frame asks of drive `id`; `None` if it is for another or damaged.
     fn decode_request(&self, id: u8, ranges: &Ranges, frame: &Frame) -> Option<DriveRequest>;

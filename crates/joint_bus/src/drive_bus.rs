@@ -196,9 +196,9 @@ impl<P: Protocol, L: Link> DriveBus<P, L> {
         if let Some(temperature) = reply.temperature_c {
             readings.temperature_c.get_or_insert([temperature; JOINTS])[j] = temperature;
         }
-        // A drive that has not said it yet is none, and no other one's.
-        for (told, all) in [(reply.supply_v, &mut readings.supply_v), (reply.current_a, &mut readings.current_a)] {
-            if let Some(value) = told {
+        // A drive that has not sent it yet is none, and no other one's.
+        for (reported, all) in [(reply.supply_v, &mut readings.supply_v), (reply.current_a, &mut readings.current_a)] {
+            if let Some(value) = reported {
                 all.get_or_insert([f64::NAN; JOINTS])[j] = value;
             }
         }
@@ -238,7 +238,7 @@ impl<P: Protocol, L: Link> DriveBus<P, L> {
         })
     }
 
-    /// Whether a drive may be told to rest only to learn where it is.
+    /// Whether a drive may be commanded to rest only to learn where it is.
     fn may_tell_to_rest(&self, now: Duration) -> bool {
         let wanted = self.asked_to_arm.is_some_and(|asked| now.saturating_sub(asked) < ASKED_TO_ARM);
         self.was_on || self.config.ask_before_arming || wanted
@@ -256,8 +256,9 @@ impl<P: Protocol, L: Link> DriveBus<P, L> {
     }
 
     fn order(&self, j: usize, command: &JointCommand) -> DriveRequest {
-        // The frame that told a drive to enter may have been lost, and its watchdog may have tripped. While it is only
-        // to be damped it can be told again without a surprise; not every time, because entering forgets the damping.
+        // The command to enter may have been lost, and the drive's watchdog may have tripped. While it is only to be
+        // damped the command can be sent again without a surprise; not every time, because entering forgets the
+        // damping.
         let damped = command.kp[j] == 0.0 && command.torque_nm[j] == 0.0;
         let again = self.errors[j] != 0 && damped && self.writes.is_multiple_of(REENTER_EVERY);
         if !self.entered[j] || again {

@@ -373,7 +373,7 @@ fn an_interface_that_goes_down_is_a_fault_and_is_opened_again_with_patience() {
     assert_eq!(robot.cycle(&[Request::Stand]).replies[0], Some(Ok(Mode::StandingUp)));
 }
 
-/// Seen on a kernel's CAN: the frame that told a drive to enter was lost as the interface came up, and its watchdog's error
+/// Seen on a kernel's CAN: the frame that commanded a drive to enter was lost as the interface came up, and its watchdog's error
 /// could not be cleared by any means.
 #[test]
 fn a_drive_that_missed_being_entered_is_entered_again_once_it_is_only_damped() {

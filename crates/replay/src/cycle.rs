@@ -24,7 +24,7 @@ pub(crate) fn control_cycle(topic: &BagTopic, data: &[u8]) -> Result<ControlCycl
     from_cdr(&topic.type_name, &whole)
 }
 
-/// What the controller said of itself. An older message has no numbers beside its names: 0.
+/// What the controller reported of itself. An older message has no numbers beside its names: 0.
 pub(crate) fn controller_state(topic: &BagTopic, data: &[u8]) -> Result<ControllerState, BagError> {
     from_cdr(&topic.type_name, &with_numbers(topic.definition.as_deref(), data))
 }

@@ -24,7 +24,7 @@ impl Origin {
         }
     }
 
-    fn colour(self) -> RGBColor {
+    pub(crate) fn colour(self) -> RGBColor {
         match self {
             Origin::Simulated => GREEN,
             Origin::Recorded => CYAN,
@@ -393,7 +393,7 @@ pub(crate) fn averaged(points: &[(f64, f64)], window_s: f64) -> Vec<(f64, f64)> 
     means
 }
 
-/// About as many points as can be told apart in a wide picture.
+/// About as many points as can be distinguished in a wide picture.
 fn thinned(points: &[(f64, f64)]) -> Vec<(f64, f64)> {
     let every = points.len().div_ceil(5000).max(1);
     points.iter().step_by(every).copied().collect()

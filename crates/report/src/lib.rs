@@ -25,7 +25,7 @@
 //! # Ok(()) }
 //! ```
 //!
-//! [`planned_step()`] draws a plan's step beside its simulation.
+//! [`driven()`] draws where a driven robot went. [`planned_step()`] draws a plan's step beside its simulation.
 //!
 //! [`page()`] makes one self-contained HTML page of one or more runs, with a scrubber and an animation of the robot.
 //!
@@ -38,6 +38,7 @@
 //! - A run with too little in it is an error that says so, never an empty picture.
 
 mod canvas;
+mod driven;
 mod error;
 mod figures;
 mod page;
@@ -47,6 +48,7 @@ mod run;
 mod tiles;
 
 pub use canvas::Image;
+pub use driven::{Driven, driven};
 pub use error::ReportError;
 pub use figures::{footfalls, phase_portraits, time_series, torque_bars};
 pub use page::{PageRun, Skeleton, page};

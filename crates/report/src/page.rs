@@ -8,7 +8,7 @@ use crate::{ReportError, Sample, mean_absolute_torque_nm, mean_forward_speed_m_s
 
 const TEMPLATE: &str = include_str!("page.html");
 
-/// Points of a curve that the page holds: more cannot be told apart on a screen.
+/// Points of a curve that the page holds: more cannot be distinguished on a screen.
 const POINTS: usize = 4000;
 /// Bins of the histogram of control cycles.
 const BINS: usize = 80;

@@ -122,7 +122,7 @@ fn from_urdf(robot: &urdf_rs::Robot, floating: bool) -> Result<Model, ModelError
     Ok(model)
 }
 
-/// Every moving body has a mass and moments of inertia that a body can have; what was corrected is said.
+/// Every moving body has a mass and moments of inertia that a body can have; what was corrected is reported.
 fn check_inertias(joints: &mut [Joint]) -> Result<Vec<String>, ModelError> {
     let mut notes = Vec::new();
     for joint in joints {

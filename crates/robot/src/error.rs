@@ -9,7 +9,7 @@ pub enum RobotError {
     File {
         /// The file.
         path: String,
-        /// What the system said.
+        /// What the system reported.
         reason: String,
     },
     /// The robot file is not TOML, or a field is missing, unknown or of the wrong type.
@@ -140,7 +140,7 @@ pub enum RobotError {
         field: &'static str,
         /// What the posture gives.
         found_m: f64,
-        /// What the field says.
+        /// What the field reports.
         nominal_m: f64,
         /// Allowed difference.
         tolerance_m: f64,

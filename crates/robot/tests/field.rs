@@ -22,8 +22,8 @@ fn assert_refused(toml: &str, urdf: &str, words: &[&str]) {
 }
 
 fn assert_notes(robot: &Robot, words: &[&str]) {
-    let told = |note: &String| words.iter().all(|word| note.contains(word));
-    assert!(robot.notes.iter().any(told), "{:?} do not say {words:?}", robot.notes);
+    let names_it = |note: &String| words.iter().all(|word| note.contains(word));
+    assert!(robot.notes.iter().any(names_it), "{:?} do not say {words:?}", robot.notes);
 }
 
 /// The URDF with something before its end.

@@ -352,7 +352,7 @@ where
     }
 
     async fn finish(&mut self) {
-        // What the handler said last comes before its result.
+        // What the handler reported last comes before its result.
         self.pass_feedback();
         let Some(running) = self.running.take() else { return };
         if let Some(fed) = running.fed {

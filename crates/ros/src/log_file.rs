@@ -20,7 +20,7 @@ const WAITING_LINES: usize = 1024;
 /// Where a file ends: a month's log of a robot that complains once a second.
 const MOST_BYTES: u64 = 256 << 20;
 
-/// What the command line says of it. What writes the file is an external library in ROS 2.
+/// What the command line reports of it. What writes the file is an external library in ROS 2.
 #[derive(Clone, Debug)]
 pub(crate) struct LogFileChoice {
     pub(crate) wanted: bool,

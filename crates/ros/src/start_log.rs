@@ -1,4 +1,4 @@
-//! What a node says at its start: who and where it is, and which settings of other middlewares it does not follow.
+//! What a node reports at its start: who and where it is, and which settings of other middlewares it does not follow.
 
 use std::collections::BTreeSet;
 use std::sync::mpsc::Receiver;

@@ -72,7 +72,7 @@ pub struct RunRecorder {
     last_written_state: Option<(Duration, Mode)>,
     gaits: u32,
     gait_name: String,
-    /// What was said before the first cycle, which alone tells the time.
+    /// What was sent before the first cycle, which alone tells the time.
     before: Vec<(Topic, String)>,
 }
 
@@ -167,7 +167,7 @@ impl RunRecorder {
 
     /// The bag's stamp of something at `time`. It never falls, so that a bag is read in the order in which it was
     /// written even if the clock went backwards; the message's own stamp tells the truth. At the first time that is
-    /// told, everything that was said before is written.
+    /// told, everything that was sent before is written.
     fn stamp_ns(&mut self, time: Duration) -> Result<u64, BagError> {
         let stamp_ns = self.epoch_ns.saturating_add(time.as_nanos().try_into().unwrap_or(u64::MAX));
         let stamp_ns = self.last_stamp_ns.unwrap_or(0).max(stamp_ns);
@@ -353,7 +353,7 @@ fn time_message(time: Duration) -> Time {
     Time { sec: i32::try_from(time.as_secs()).unwrap_or(i32::MAX), nanosec: time.subsec_nanos() }
 }
 
-/// What a cycle says of the inertial unit after one that saw `last`; `age_ns` gives the age of a time at the cycle.
+/// What a cycle reports of the inertial unit after one that saw `last`; `age_ns` gives the age of a time at the cycle.
 fn inertial_part(
     unit: Option<&InertialState>,
     last: Option<&InertialState>,
@@ -372,7 +372,7 @@ fn inertial_part(
     }
 }
 
-/// What a cycle says of the inertial unit and of the velocity asked for after one that saw `last`.
+/// What a cycle reports of the inertial unit and of the velocity asked for after one that saw `last`.
 fn sensed_part(
     input: &Input,
     (last_unit, last_velocity): (Option<&InertialState>, Option<&VelocityCommand>),

@@ -1,4 +1,4 @@
-//! What is said of a walk: speed, drift, torques, posture. The definitions are stated here once, because figures of two
+//! The figures of a walk: speed, drift, torques, posture. The definitions are stated here once, because figures of two
 //! programs can only be compared if they mean the same.
 
 use crate::RobotState;
@@ -272,8 +272,8 @@ mod tests {
             for i in 0..10_000 {
                 measure.sample(&state(1e-3 * f64::from(i), 0.0, 0.0, 0.0, torque_nm), 0.55);
             }
-            let told = measure.figures().saturated_share;
-            assert!((told - share).abs() < 1e-12, "{torque_nm} N m: {told}");
+            let figures = measure.figures().saturated_share;
+            assert!((figures - share).abs() < 1e-12, "{torque_nm} N m: {figures}");
         }
     }
 
@@ -302,11 +302,11 @@ mod tests {
         for i in 0..1000 {
             measure.sample(&state(1e-3 * f64::from(i), 0.0, 0.0, 0.0, 10.0), 0.55);
         }
-        let told = serde_json::to_value(measure.figures()).unwrap();
+        let figures = serde_json::to_value(measure.figures()).unwrap();
         for unknown in ["speed_m_s", "mean_abs_torque_nm", "max_torque_nm", "saturated_share", "height_m"] {
-            assert!(told[unknown].is_null(), "{unknown}: {told}");
+            assert!(figures[unknown].is_null(), "{unknown}: {figures}");
         }
-        assert_eq!((&told["turned_deg"], &told["time_s"]), (&0.0.into(), &0.999.into()));
+        assert_eq!((&figures["turned_deg"], &figures["time_s"]), (&0.0.into(), &0.999.into()));
     }
 
     #[test]

@@ -192,7 +192,7 @@ pub struct Cycle<'a> {
     pub now: Duration,
     /// What the controller's step saw.
     pub input: &'a Input<'a>,
-    /// What it said.
+    /// What it reported.
     pub output: &'a Output,
 }
 
@@ -267,7 +267,7 @@ struct Course<'a> {
     measure: Measure,
     steps_per_cycle: u32,
     walking_from_s: Option<f64>,
-    /// What the inertial unit said last.
+    /// What the inertial unit reported last.
     inertial: Option<InertialState>,
 }
 
@@ -360,7 +360,7 @@ impl<'a> Course<'a> {
         self.end(&output)
     }
 
-    /// What is asked for now; it is said anew in every cycle.
+    /// What is asked for now; it is reported anew in every cycle.
     fn velocity(&self, now: Duration, time_s: f64) -> Option<VelocityCommand> {
         let walked_s = time_s - self.walking_from_s?;
         let begun = |(from_s, _): &&(f64, Velocity)| *from_s <= walked_s;

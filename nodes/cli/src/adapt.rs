@@ -84,7 +84,7 @@ fn read(file: &Path) -> Result<Rules> {
     Rules::from_toml(&text).with_context(|| format!("{}", file.display()))
 }
 
-/// Publishes what becomes of each message. What cannot be handed on is said at its 1st, 2nd, 4th, … time.
+/// Publishes what becomes of each message. What cannot be handed on is reported at its 1st, 2nd, 4th, … time.
 fn hand_on<A: Message, B: Message>(
     node: &Node,
     from: &str,

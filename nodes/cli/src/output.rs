@@ -15,7 +15,7 @@ const CLOSED_PIPE: u8 = 141;
 /// Longest error, in characters.
 const ERROR_CHARS: usize = 4000;
 
-/// A file goes to standard output: what is said goes to standard error.
+/// A file goes to standard output: what is reported goes to standard error.
 static TAKEN: AtomicBool = AtomicBool::new(false);
 
 /// Says one line, formatted as by `println!`; gives a `Result`.
@@ -66,12 +66,12 @@ fn bytes(bytes: &[u8]) -> Result<(), Unwritable> {
     out.write_all(bytes).and_then(|()| out.flush()).map_err(Unwritable)
 }
 
-/// From here on what is said goes to standard error: standard output is for a `document`.
+/// From here on what is reported goes to standard error: standard output is for a `document`.
 pub fn divert() {
     TAKEN.store(true, Ordering::Relaxed);
 }
 
-/// Prints one JSON value on a line of its own on standard output, whatever is said elsewhere.
+/// Prints one JSON value on a line of its own on standard output, whatever is reported elsewhere.
 #[cfg(feature = "network")]
 pub fn document(value: &serde_json::Value) -> Result<(), Unwritable> {
     bytes(format!("{value}\n").as_bytes())
@@ -87,7 +87,7 @@ pub fn is_standard(file: &Path) -> bool {
     file == Path::new("-")
 }
 
-/// Before anything is said: if the file is `-`, everything that is said goes to standard error.
+/// Before anything is reported: if the file is `-`, everything that is reported goes to standard error.
 pub fn reserve(file: Option<&Path>) {
     if file.is_some_and(is_standard) {
         divert();

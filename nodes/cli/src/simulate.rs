@@ -1,5 +1,6 @@
 //! `tandem simulate`: a gait file walks in MuJoCo, without ROS.
 
+mod driven;
 mod summary;
 
 use crate::interrupt::Interrupt;
@@ -65,6 +66,9 @@ pub struct Arguments {
     /// Stairs of this rise, m
     #[arg(long, value_name = "M", group = "ground")]
     stairs: Option<f64>,
+    /// Level ground, from 1 m ahead on a ramp that rises by this, degrees
+    #[arg(long, value_name = "DEG", group = "ground", allow_negative_numbers = true)]
+    ramp: Option<f64>,
     /// Push on the base: seconds after the first step, duration in s, force ahead and to the left in N
     #[arg(long, value_names = ["T", "DURATION", "FX", "FY"], num_args = 4, action = clap::ArgAction::Append, allow_negative_numbers = true)]
     push: Vec<f64>,
@@ -160,6 +164,8 @@ impl Arguments {
             Terrain::Rough { height_m, cell_m: setting::BUMP_CELL_M.default }
         } else if let Some(rise_m) = self.stairs {
             Terrain::Steps { rise_m, run_m: setting::STAIR_RUN_M.default }
+        } else if let Some(incline_deg) = self.ramp {
+            Terrain::Ramp { incline_rad: incline_deg.to_radians() }
         } else {
             Terrain::Flat
         };
@@ -344,6 +350,9 @@ impl Done {
             Ok(pictures) => self.files.extend(pictures),
             Err(problem @ ::report::ReportError::TooLittle { .. }) => self.no_pictures.push(problem.to_string()),
             Err(problem) => return Err(problem.into()),
+        }
+        if options.balance && self.no_pictures.is_empty() {
+            self.write(folder, "driven.png", &driven::picture(&run, robot, options)?)?;
         }
         Ok(())
     }

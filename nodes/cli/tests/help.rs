@@ -84,8 +84,8 @@ fn does_what_it_says(place: &Place, line: &str) -> bool {
             assert!(place.succeeds(line).contains("upright to the end"));
         }
         "tandem simulate gaits/*.json --seconds 60 --json" => {
-            let told = json_lines(&place.succeeds(line));
-            assert!(told.len() == 5 && told.iter().all(|told| told["upright"] == true), "{told:?}");
+            let output = json_lines(&place.succeeds(line));
+            assert!(output.len() == 5 && output.iter().all(|output| output["upright"] == true), "{output:?}");
         }
         "tandem simulate uphill.json --slope 5 --mu 0.5 --push 3 0.1 0 100" => the_push_is_felt(place, line),
         "tandem simulate amble.json --slope 10 --balance --push 3 0.1 0 300 --velocity 5 0.2 0 0.3" => {
@@ -105,8 +105,8 @@ fn does_what_it_says(place: &Place, line: &str) -> bool {
         "tandem robot check config/robots/my_robot" => assert!(place.succeeds(line).contains("toe")),
         // No robot hangs here: it says so, and ends with an error code.
         "tandem doctor --bus config/hardware/vision60_can.toml" => {
-            let told = place.run(line);
-            assert!(String::from_utf8_lossy(&told.stdout).contains(" warnings in "), "{told:?}");
+            let output = place.run(line);
+            assert!(String::from_utf8_lossy(&output.stdout).contains(" warnings in "), "{output:?}");
         }
         "tandem completions bash > tandem.bash" => {
             place.succeeds(line);

@@ -66,8 +66,8 @@ fn a_closed_pipe_or_a_full_disk_ends_every_command_without_a_panic() {
             let errors = String::from_utf8_lossy(&output.stderr);
             assert!(!errors.contains("panicked"), "{line} into {name}: {errors}");
             assert_eq!(output.status.code(), Some(code), "{line} into {name}: {errors}");
-            let told = errors.lines().filter(|line| line.contains("cannot write to standard output")).count();
-            assert_eq!(told, usize::from(name.contains("disk") && code != closed), "{line} into {name}: {errors}");
+            let summary = errors.lines().filter(|line| line.contains("cannot write to standard output")).count();
+            assert_eq!(summary, usize::from(name.contains("disk") && code != closed), "{line} into {name}: {errors}");
         }
     }
 }
@@ -103,14 +103,14 @@ fn ctrl_c_loses_nothing_of_a_simulation_that_writes_a_bag() {
         let output = child.wait_with_output().unwrap();
         assert!(asked.elapsed() < Duration::from_secs(10), "it took {:?}", asked.elapsed());
         assert_eq!(output.status.code(), Some(code), "{}", String::from_utf8_lossy(&output.stderr));
-        let told: Value = serde_json::from_slice(&output.stdout).unwrap();
+        let summary: Value = serde_json::from_slice(&output.stdout).unwrap();
         assert_eq!(
-            (&told["interrupted"], &told["upright"], &told["fault"]),
+            (&summary["interrupted"], &summary["upright"], &summary["fault"]),
             (&true.into(), &false.into(), &Value::Null)
         );
         let info: Value = serde_json::from_str(&place.succeeds("tandem bag info --json out/long")).unwrap();
         let cycles = info["topics"].as_array().unwrap().iter().find(|topic| topic["name"] == "/control_cycle").unwrap();
-        assert_eq!(cycles["messages"], told["cycles"], "every cycle that was simulated is in the bag");
+        assert_eq!(cycles["messages"], summary["cycles"], "every cycle that was simulated is in the bag");
         assert_eq!(info["missing_cycles"], 0);
         place.succeeds("tandem bag verify out/long");
     }
@@ -142,8 +142,11 @@ fn a_dash_is_standard_output_and_nothing_else_is_said_there() {
     fields.retain(|key| key != "certificate");
     assert_eq!(keys(&place.succeeds("tandem library gait vision60.gaits -o -")), fields);
     assert!(place.succeeds("tandem report out/run --no-tiles -o -").starts_with("<!"));
-    let told = place.run("tandem plan all -o -");
-    assert!(!told.status.success() && String::from_utf8_lossy(&told.stderr).contains("standard output"), "{told:?}");
+    let summary = place.run("tandem plan all -o -");
+    assert!(
+        !summary.status.success() && String::from_utf8_lossy(&summary.stderr).contains("standard output"),
+        "{summary:?}"
+    );
     // A device is written to, not replaced.
     place.succeeds("ln -s /dev/null sink && tandem plan amble -o sink && test -L sink && ! test -e sink.partial");
     let full = place.run("ln -s /dev/full full && tandem plan amble -o full");
@@ -176,10 +179,11 @@ fn relative_paths_are_searched_alike_for_every_option() {
 #[test]
 fn a_plan_that_eleven_points_cannot_hold_says_how_many_it_took_and_is_verified() {
     let place = Place::new();
-    let told: Value = serde_json::from_str(&place.succeeds("tandem plan amble --speed 0.5 --verify --json")).unwrap();
-    assert_eq!(told["points"], 21, "{told}");
-    assert_eq!(told["verified"][0]["follows_plan"], true, "{told}");
-    assert_eq!(told["verified"][0]["between_points"]["kept"], true, "{told}");
+    let summary: Value =
+        serde_json::from_str(&place.succeeds("tandem plan amble --speed 0.5 --verify --json")).unwrap();
+    assert_eq!(summary["points"], 21, "{summary}");
+    assert_eq!(summary["verified"][0]["follows_plan"], true, "{summary}");
+    assert_eq!(summary["verified"][0]["between_points"]["kept"], true, "{summary}");
     let asked: Value = serde_json::from_str(&place.succeeds("tandem plan amble --points 31 --json")).unwrap();
     assert_eq!(asked["points"], 31, "{asked}");
     let refused = place.run("tandem plan amble --points 12");

@@ -121,7 +121,7 @@ impl Middleware {
 pub struct Cycle {
     /// The controller.
     pub controller: Controller,
-    /// What the inertial unit says, in.
+    /// What the inertial unit reports, in.
     pub inertial: Consumer<TimedInertial>,
     /// Velocities that are asked for, in.
     pub velocities: Consumer<TimedVelocity>,

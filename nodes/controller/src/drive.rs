@@ -33,7 +33,7 @@ pub struct DriveParameters {
 }
 
 impl DriveParameters {
-    /// What the table says of them.
+    /// What the table reports of them.
     pub fn new(table: &Table) -> Self {
         Self {
             balance: table.balance,

@@ -91,7 +91,7 @@ impl Odometer {
     }
 }
 
-/// What the balance says of itself, for diagnostics.
+/// What the balance reports of itself, for diagnostics.
 pub fn diagnostics(output: &Output) -> Vec<KeyValue> {
     let value = |key: &str, value: String| KeyValue { key: key.into(), value };
     let Some(estimate) = &output.estimate else { return vec![value("balance", "off".into())] };

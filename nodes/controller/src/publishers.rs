@@ -307,7 +307,7 @@ impl Publishers {
 pub struct PublisherThread {
     /// The publishers.
     pub publishers: Publishers,
-    /// What the cycle says.
+    /// What the cycle reports.
     pub outputs: Consumer<CycleOutput>,
     /// Whom requests' replies go to.
     pub services: Arc<Services>,

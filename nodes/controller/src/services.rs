@@ -54,7 +54,7 @@ pub struct Sensors {
     pub states: Option<Producer<StateMessage>>,
     /// The joints' names on topics.
     pub joint_names: [String; JOINTS],
-    /// What the inertial unit says, to the cycle.
+    /// What the inertial unit reports, to the cycle.
     pub inertial: Producer<TimedInertial>,
     /// In lockstep: the cycle's thread, to be woken by a state.
     pub wake: Option<Thread>,

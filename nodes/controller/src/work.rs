@@ -59,7 +59,7 @@ fn open_bus(file: &Path, robot: &Robot, config: &control::Config) -> anyhow::Res
     Ok(Drives { bus, locks })
 }
 
-/// Another host's controller holds no lock here: it is received before anything is said.
+/// Another host's controller holds no lock here: it is listened for before anything is sent.
 fn listen_first(bus: &mut DriveBus<DriveProtocol, CanLink>) -> anyhow::Result<()> {
     let until = monotonic_now() + LISTEN_FIRST;
     while monotonic_now() < until {
@@ -310,7 +310,7 @@ impl Managed for Work {
 
     fn deactivate(&mut self) -> Result<(), String> {
         let Some(running) = &self.running else { return Ok(()) };
-        // At the end of the program damping comes at once: nobody waits for a process that is told to go.
+        // At the end of the program damping comes at once: nobody waits for a process that is asked to end.
         let hurried = || self.node.stop().is_requested();
         if !hurried() {
             running.services.bring_to_rest(STOPPING_PATIENCE, hurried);

@@ -34,12 +34,12 @@ const ENDED_WITHIN: Duration = Duration::from_millis(2500);
 /// A robot that follows its commands to the letter, in its own thread, at the far end of a bus.
 trait Far: Send + 'static {
     /// Takes the newest command and says where the joints are.
-    fn act(&mut self, now: Duration, q: &mut [f64; JOINTS], v: &mut [f64; JOINTS]) -> Option<Told>;
+    fn act(&mut self, now: Duration, q: &mut [f64; JOINTS], v: &mut [f64; JOINTS]) -> Option<FarCommand>;
 }
 
-/// What a robot is told.
+/// What a robot is commanded.
 #[derive(Clone, Copy, PartialEq)]
-enum Told {
+enum FarCommand {
     Hold,
     Damp,
     Nothing,
@@ -52,10 +52,10 @@ struct Topics {
 }
 
 impl Far for Topics {
-    fn act(&mut self, now: Duration, q: &mut [f64; JOINTS], v: &mut [f64; JOINTS]) -> Option<Told> {
-        let mut told = None;
+    fn act(&mut self, now: Duration, q: &mut [f64; JOINTS], v: &mut [f64; JOINTS]) -> Option<FarCommand> {
+        let mut last = None;
         while let Ok(message) = self.commands.pop() {
-            told = Some(told_by(&message.command));
+            last = Some(command_by(&message.command));
             follow(&message.command, q, v);
         }
         let state = StateMessage {
@@ -68,22 +68,22 @@ impl Far for Topics {
         };
         // A full buffer: the cycle is late, and takes the newest.
         let _ = self.states.push(state);
-        told
+        last
     }
 }
 
-fn told_by(command: &JointCommand) -> Told {
+fn command_by(command: &JointCommand) -> FarCommand {
     if command.kp.iter().any(|kp| *kp > 0.0) {
-        Told::Hold
+        FarCommand::Hold
     } else if command.kd.iter().all(|kd| *kd > 0.0) {
-        Told::Damp
+        FarCommand::Damp
     } else {
-        Told::Nothing
+        FarCommand::Nothing
     }
 }
 
 fn follow(command: &JointCommand, q: &mut [f64; JOINTS], v: &mut [f64; JOINTS]) {
-    if told_by(command) == Told::Hold {
+    if command_by(command) == FarCommand::Hold {
         (*q, *v) = (command.position_rad, command.velocity_rad_s);
     }
 }
@@ -98,8 +98,8 @@ struct Drives {
 }
 
 impl Far for Drives {
-    fn act(&mut self, now: Duration, q: &mut [f64; JOINTS], v: &mut [f64; JOINTS]) -> Option<Told> {
-        let mut told = None;
+    fn act(&mut self, now: Duration, q: &mut [f64; JOINTS], v: &mut [f64; JOINTS]) -> Option<FarCommand> {
+        let mut last = None;
         for n in 0..self.links.len() {
             while let Ok(Some(Incoming::Frame(frame, _))) = self.links[n].receive(now) {
                 for j in (0..JOINTS).filter(|j| self.config.joints[*j].interface == n) {
@@ -117,13 +117,13 @@ impl Far for Drives {
                             q[j] = w.sign * command.position_rad / w.gear_ratio + w.zero_rad;
                             v[j] = w.sign * command.velocity_rad_s / w.gear_ratio;
                         }
-                        told = Some(told_by(&self.command));
+                        last = Some(command_by(&self.command));
                     }
                     let _ = self.links[n].send(&reply, now);
                 }
             }
         }
-        told
+        last
     }
 }
 
@@ -140,12 +140,12 @@ fn play(mut far: impl Far, mut q: [f64; JOINTS], mut v: [f64; JOINTS], seen: Arc
     loop {
         periodic.wait();
         let now = monotonic_now();
-        let Some(told) = far.act(now, &mut q, &mut v) else { continue };
+        let Some(command) = far.act(now, &mut q, &mut v) else { continue };
         let broken = seen.broken_ns.load(Ordering::SeqCst);
-        if told == Told::Hold && broken == 0 {
+        if command == FarCommand::Hold && broken == 0 {
             seen.walks.store(true, Ordering::SeqCst);
         }
-        if told == Told::Damp && broken > 0 && !std::mem::replace(&mut damped, true) {
+        if command == FarCommand::Damp && broken > 0 && !std::mem::replace(&mut damped, true) {
             println!("DAMPED {:.3}", (now - Duration::from_nanos(broken)).as_secs_f64() * 1e3);
         }
     }
@@ -293,14 +293,14 @@ fn breaks(bus: &str, how: &str) {
     let output = child.wait_with_output().unwrap();
     let took = begun.elapsed();
     let (text, log) = (String::from_utf8_lossy(&output.stdout), String::from_utf8_lossy(&output.stderr));
-    let told = |what: &str| {
+    let command = |what: &str| {
         let line = text.lines().find_map(|line| line.split_once(what));
         line.map(|(_, value)| value.trim().to_owned()).unwrap_or_else(|| panic!("no {what}:\n{text}\n{log}"))
     };
-    assert_eq!(told("WALKS"), "true", "nothing had failed before:\n{log}");
-    let damped = Duration::from_secs_f64(told("DAMPED").parse::<f64>().unwrap() / 1e3);
+    assert_eq!(command("WALKS"), "true", "nothing had failed before:\n{log}");
+    let damped = Duration::from_secs_f64(command("DAMPED").parse::<f64>().unwrap() / 1e3);
     assert!(damped < DAMPED_WITHIN, "damped after {damped:?}");
-    let lived = Duration::from_secs_f64(told("BREAKS_AT").parse().unwrap());
+    let lived = Duration::from_secs_f64(command("BREAKS_AT").parse().unwrap());
     let ended = took.saturating_sub(lived);
     assert!(ended < ENDED_WITHIN, "the process ended after {ended:?}");
     assert_eq!(output.status.code(), Some(1), "{log}");

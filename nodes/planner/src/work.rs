@@ -18,7 +18,7 @@ use crate::parameters::Table;
 use crate::planner::Planner;
 use crate::ports;
 
-/// How long deactivating waits for plans that are being made; they are told to stop.
+/// How long deactivating waits for plans that are being made; they are asked to stop.
 const PATIENCE: Duration = Duration::from_secs(5);
 
 /// What the parameters say.
@@ -86,14 +86,14 @@ impl Shared {
         self.busy.fetch_add(1, Ordering::AcqRel);
         let go_on = || go_on() && self.is_active();
         let response = if self.is_active() {
-            let mut told = 0;
+            let mut reported = 0;
             let (mut response, gait) = self.planner.generate(request, go_on, |iteration, elapsed| {
-                told = iteration.number;
+                reported = iteration.number;
                 feedback(ports::feedback(iteration, elapsed));
                 if go_on() { ControlFlow::Continue(()) } else { ControlFlow::Break(()) }
             });
             // The iteration that finds the solution good ends the solve without asking whether to go on.
-            if response.success && response.solver.iterations > told {
+            if response.success && response.solver.iterations > reported {
                 feedback(ports::last_feedback(&response.solver));
             }
             announce(&request.behaviour, &mut response, gait, self.stamp(), &self.gaits);

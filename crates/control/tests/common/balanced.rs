@@ -21,7 +21,7 @@ pub fn config(balanced: bool) -> Config {
     Config { simulation_start: true, balance, ..Config::for_robot(&robot) }
 }
 
-/// A robot whose joints go where they are told, on a base that is level but for what a test does to it.
+/// A robot whose joints go where they are commanded, on a base that is level but for what a test does to it.
 #[derive(Clone)]
 pub struct Bench {
     pub controller: Controller,
@@ -29,7 +29,7 @@ pub struct Bench {
     pub now: Duration,
     pub joints: JointState,
     pub unit: Option<InertialState>,
-    /// The unit says something new in every cycle.
+    /// The unit reports something new in every cycle.
     pub speaks: bool,
     pub force_m_s2: [f64; 3],
     pub turning_rad_s: [f64; 3],
@@ -132,7 +132,7 @@ impl Bench {
         Self::until(config, &[Request::Stand], Mode::Standing)
     }
 
-    /// Cycles until the robot is damped, and what was said then.
+    /// Cycles until the robot is damped, and what was sent then.
     pub fn until_fault(&mut self, at_most: usize) -> (usize, Output) {
         for n in 1..=at_most {
             let output = self.cycle(&[]);

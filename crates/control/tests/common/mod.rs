@@ -120,7 +120,7 @@ pub fn prepared() -> PreparedGait {
     PreparedGait::new(&gait(), &config()).unwrap()
 }
 
-/// A controller and a robot whose joints go exactly where they are told (where they are told anything).
+/// A controller and a robot whose joints go exactly where they are commanded (where they are commanded anything).
 pub struct Bench {
     pub controller: Controller,
     pub now: Duration,
@@ -250,8 +250,8 @@ pub fn measured(test: &str, cycles: usize) {
     let row = page.lines().find(|line| line.starts_with('|') && line.contains(&name));
     let row = row.unwrap_or_else(|| panic!("docs/safety.md has no row for {name}, which measured {cycles}"));
     let cell = row.trim_end_matches('|').rsplit('|').next().unwrap_or_default();
-    let told = cell.split(|c: char| !c.is_ascii_digit()).any(|number| number == cycles.to_string());
-    assert!(told, "{name} measured {cycles} cycles, docs/safety.md says {cell:?}");
+    let stated = cell.split(|c: char| !c.is_ascii_digit()).any(|number| number == cycles.to_string());
+    assert!(stated, "{name} measured {cycles} cycles, docs/safety.md says {cell:?}");
 }
 
 /// What an inertial unit without gyroscope and accelerometer says of a base that rolled so far.

@@ -109,7 +109,7 @@ impl Node {
             let mut messages = Box::pin(subscription.async_stream());
             loop {
                 let received = tokio::select! {
-                    // What a publisher said comes before its leave.
+                    // What a publisher reported comes before its leave.
                     biased;
                     received = messages.next() => received,
                     Some(departure) = departures.recv() => {

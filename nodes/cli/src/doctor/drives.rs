@@ -5,7 +5,7 @@ use control::{Config, JOINTS, JointCommand};
 use joint_bus::{BusConfig, JointBus, Readings};
 use std::time::Duration;
 
-/// How many cycles are listened to before anything is said.
+/// How many cycles are listened to before anything is sent.
 const LISTENED: u32 = 300;
 /// A joint at rest does not seem to move by more than this, rad.
 const STILL_RAD: f64 = 0.02;
@@ -18,7 +18,7 @@ const ANSWERED: f64 = 0.99;
 
 /// What was seen of the drives.
 pub struct Seen {
-    /// Frames that were on the buses before anything was said.
+    /// Frames that were on the buses before anything was sent.
     overheard: u64,
     /// Questions put to each drive.
     asked: u32,
@@ -54,7 +54,7 @@ pub fn ask(bus: &mut dyn JointBus, cycles: u32, wait: &mut dyn FnMut() -> Durati
     }
     seen.overheard = frames(bus);
     if seen.overheard > 0 {
-        // Somebody's robot may be standing: what is said here would make it fall.
+        // Somebody's robot may be standing: a frame sent here would make it fall.
         return seen;
     }
     // The answer to one cycle's question is there in the next.

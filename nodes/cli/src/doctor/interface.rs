@@ -1,4 +1,4 @@
-//! What the kernel says of a CAN interface.
+//! What the kernel reports of a CAN interface.
 
 use super::{Finding, Verdict, failure, good, warning};
 use joint_bus::ProtocolName;

@@ -10,10 +10,10 @@ use tandem_msgs::ControllerState;
 use tandem_msgs::nav_msgs::Odometry;
 use tandem_msgs::text::{NAME_CHARS, printable};
 
-/// What was not heard again for so long is not known any more.
+/// What was not received again for so long is not known any more.
 const MEMORY: Duration = Duration::from_secs(1);
 
-/// What was heard of the robot, and when.
+/// What was learnt of the robot, and when.
 #[derive(Default)]
 struct Seen {
     state: Option<(String, String, Instant)>,

@@ -1,4 +1,4 @@
-//! `tandem plan --verify` and `--stability`: what is said of a plan beyond the solver's word.
+//! `tandem plan --verify` and `--stability`: what is reported of a plan beyond the solver's word.
 
 use anyhow::{Context, Result};
 use gait_design::{BetweenPoints, Complex, GaitRequest, Plan, PlanPoint, StepComparison, StepLaw};
@@ -141,7 +141,7 @@ impl Stable {
         Ok(Stable { map, stability, certificate: plan.gait.certificate })
     }
 
-    /// What the certificate says.
+    /// What the certificate reports.
     fn word(&self) -> String {
         match &self.certificate {
             None => "no certificate: the law does not give the planned torques".into(),

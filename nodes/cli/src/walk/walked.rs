@@ -1,4 +1,4 @@
-//! What is said and drawn of a walk.
+//! What is reported and drawn of a walk.
 
 use super::{watch::Outcome, write};
 use anyhow::Result;

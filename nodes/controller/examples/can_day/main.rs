@@ -476,7 +476,7 @@ impl Day {
         let since = self.simulated_ns()?;
         self.controller.signal(19)?;
         self.drives_damp_within(since, WATCHDOG_CYCLES + SEEN_CYCLES, "the controller hangs")?;
-        // Long enough to be told from a busy machine.
+        // Long enough to be distinguished from a busy machine.
         std::thread::sleep(300 * MS);
         self.controller.signal(18)?;
         let status = self.controller.wait(Duration::from_secs(10))?;
