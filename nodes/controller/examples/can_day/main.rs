@@ -226,9 +226,11 @@ fn ip_link(interface: &str, state: &str) -> Result<(), Failure> {
     if status.success() { Ok(()) } else { Err(format!("ip link set {interface} {state}: {status}").into()) }
 }
 
-/// Whether a state of the simulation shows that drive `j` damps on its own: −kd v.
-fn damps(state: &JointState, j: usize) -> bool {
-    (state.effort[j] + DriveModel::default().damping_kd * state.velocity[j]).abs() < DAMPING_TOLERANCE_NM
+/// Whether drive `j` damps on its own: −kd v, of a velocity between two states: its torque is of the one before.
+fn damps(states: &[&JointState], j: usize) -> bool {
+    let own = |n: usize| -DriveModel::default().damping_kd * states[n].velocity[j];
+    let [least, most] = [own(0).min(own(1)) - DAMPING_TOLERANCE_NM, own(0).max(own(1)) + DAMPING_TOLERANCE_NM];
+    (least..most).contains(&states[1].effort[j])
 }
 
 impl Day {
@@ -316,8 +318,7 @@ impl Day {
         Ok(())
     }
 
-    /// The simulation's time now. States take up to 15 ms to get here; the one of the last 0.2 s that was here soonest
-    /// tells best.
+    /// The simulation's time now, by the state of the last 0.2 s that was here soonest: they take up to 15 ms.
     fn simulated_ns(&self) -> Result<i64, Failure> {
         let received = lock(&self.received);
         let now = monotonic_now();
@@ -332,10 +333,10 @@ impl Day {
         let received = lock(&self.received);
         let states: Vec<&JointState> =
             received.joints.iter().map(|(_, state)| state).filter(|s| s.header.stamp.nanoseconds() > since).collect();
-        let five_of = |j| states.windows(5).find(|five| five.iter().all(|state| damps(state, j)));
-        let first = |j| five_of(j).map(|five| (five[0].header.stamp.nanoseconds() - since) / 1_000_000);
-        let all: Option<Vec<_>> = (0..JOINTS).map(first).collect();
-        let took = all.and_then(|all| all.into_iter().max()).ok_or_else(|| format!("{what}: a drive never damps"))?;
+        let five_of = |j| states.windows(6).find(|six| six.windows(2).all(|two| damps(two, j)));
+        let first = |j| five_of(j).map(|six| (six[1].header.stamp.nanoseconds() - since) / 1_000_000);
+        let took = (0..JOINTS).map(first).try_fold(0, |last: i64, one| Some(last.max(one?)));
+        let took = took.ok_or_else(|| format!("{what}: a drive never damps"))?;
         println!("can_day: {what}: the drives damp by themselves after {took} cycles");
         if took > cycles { Err(format!("{what}: {took} cycles, expected {cycles}").into()) } else { Ok(()) }
     }
@@ -471,8 +472,7 @@ impl Day {
         self.start_walking()?;
         self.walks_on(0.3, "recovery from an interface down")?;
 
-        // Hung: the drives' watchdogs damp; when it goes on, it finds out before it sends a torque, and ends, because
-        // its connections are gone. Whoever watches over it starts it again.
+        // Hung: the drives' watchdogs damp; when it goes on it ends before a torque, because its connections are gone.
         let since = self.simulated_ns()?;
         self.controller.signal(19)?;
         self.drives_damp_within(since, WATCHDOG_CYCLES + SEEN_CYCLES, "the controller hangs")?;
