@@ -177,8 +177,7 @@ def test_it_is_driven_knows_where_it_is_stops_and_is_verified(robot, tmp_path):
     assert verified.returncode == 0 and "to the bit" in verified.stdout, verified.stdout + verified.stderr
 
 
-def test_a_velocity_begins_a_walk_of_a_robot_that_stands_and_it_stands_again_after_it(heeding):
-    robot = heeding
+def stand_with_the_amble(robot):
     assert robot.generate(behaviour="amble").success
     robot.wait(lambda: robot.gaits, 10, "the gait")
     for request in ("arm", "stand"):
@@ -186,6 +185,11 @@ def test_a_velocity_begins_a_walk_of_a_robot_that_stands_and_it_stands_again_aft
     robot.pause(False)
     robot.wait(lambda: robot.mode() == "standing", 60, "standing")
     walk_for(robot, 3, "standing for a while")
+
+
+def test_a_velocity_begins_a_walk_of_a_robot_that_stands_and_it_stands_again_after_it(heeding):
+    robot = heeding
+    stand_with_the_amble(robot)
     assert robot.mode() == "standing"
     for _ in range(2):
         robot.driver.ask(0.3, 0.0, 0.0)
@@ -267,13 +271,7 @@ def terminal():
 
 def test_a_person_drives_from_a_terminal_and_the_space_bar_stops(heeding, terminal):
     robot = heeding
-    assert robot.generate(behaviour="amble").success
-    robot.wait(lambda: robot.gaits, 10, "the gait")
-    for request in ("arm", "stand"):
-        robot.trigger(request)
-    robot.pause(False)
-    robot.wait(lambda: robot.mode() == "standing", 60, "standing")
-    walk_for(robot, 3, "standing for a while")
+    stand_with_the_amble(robot)
     wait_until(lambda: "| standing" in terminal.line(), 20, terminal.line)
     terminal.key = b"i"
     robot.wait(lambda: robot.mode() == "walking", 60, "walking")

@@ -1,6 +1,6 @@
 //! What the balanced law has to know of the robot, and its constants.
 
-use crate::setting;
+use crate::{of_leg, setting};
 use estimator::Estimator;
 use robot::{LegKinematics, Robot, RobotError};
 
@@ -174,9 +174,8 @@ impl BalanceConfig {
             if swings[leg] {
                 return estimator::Toe::default();
             }
-            let of_leg = |all: &[f64; 12]| [all[3 * leg], all[3 * leg + 1], all[3 * leg + 2]];
-            let toe = self.legs[leg].toe(&of_leg(position_rad));
-            let rates = nalgebra::Vector3::from(of_leg(velocity_rad_s));
+            let toe = self.legs[leg].toe(&of_leg(position_rad, leg));
+            let rates = nalgebra::Vector3::from(of_leg(velocity_rad_s, leg));
             estimator::Toe {
                 position_m: toe.position_m.into(),
                 velocity_m_s: (toe.jacobian * rates).into(),

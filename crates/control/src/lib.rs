@@ -58,3 +58,8 @@ pub use law::balanced::{Velocity, VelocityCommand};
 pub use memory::{Snapshot, SnapshotVersion1};
 pub use prepared_gait::{GaitName, Instant, PreparedGait};
 pub use transition::{Event, Guards, Mode, Refusal, transition};
+
+/// The three joints of a leg.
+pub(crate) fn of_leg(joints: &[f64; JOINTS], leg: usize) -> [f64; 3] {
+    [joints[3 * leg], joints[3 * leg + 1], joints[3 * leg + 2]]
+}

@@ -1,8 +1,8 @@
 //! Raising and lowering the body over feet that stay where they are: feet that carry the robot do not slide, and legs
 //! that go from posture to posture joint by joint would have to drag them there.
 
-use crate::ramp::Ramp;
-use crate::{Config, JOINTS, JointCommand};
+use crate::ramp::{Ramp, smoothstep};
+use crate::{Config, JOINTS, JointCommand, of_leg};
 use gait::{JOINTS_PER_LEG, LEGS};
 use nalgebra::Vector3;
 use robot::LegKinematics;
@@ -50,7 +50,7 @@ impl Lift {
     /// Joint positions with this share of the way gone, rad. What has to move aside does so in the second half: feet
     /// that are dragged turn a short leg with less.
     fn posture(&self, legs: &[LegKinematics; LEGS], share: f64) -> [f64; JOINTS] {
-        let aside = smooth((2.0 * share - 1.0).max(0.0));
+        let aside = smoothstep((2.0 * share - 1.0).max(0.0));
         let mut position_rad = [0.0; JOINTS];
         for (leg, kinematics) in legs.iter().enumerate() {
             let (start, end) = (Vector3::from(self.start_m[leg]), Vector3::from(self.end_m[leg]));
@@ -62,7 +62,7 @@ impl Lift {
     }
 
     fn position_rad(&self, legs: &[LegKinematics; LEGS], elapsed_s: f64) -> [f64; JOINTS] {
-        let mut position_rad = self.posture(legs, smooth((elapsed_s / self.ramp.duration_s).clamp(0.0, 1.0)));
+        let mut position_rad = self.posture(legs, smoothstep((elapsed_s / self.ramp.duration_s).clamp(0.0, 1.0)));
         let fade_s = FADE_SHARE * self.ramp.duration_s;
         let x = (elapsed_s / fade_s).clamp(0.0, 1.0);
         let from = &self.ramp.from;
@@ -70,7 +70,7 @@ impl Lift {
         for j in 0..JOINTS {
             let jump_rad = from.position_rad[j] - first[j];
             position_rad[j] +=
-                (1.0 - smooth(x)) * jump_rad + x * (1.0 - x) * (1.0 - x) * fade_s * from.velocity_rad_s[j];
+                (1.0 - smoothstep(x)) * jump_rad + x * (1.0 - x) * (1.0 - x) * fade_s * from.velocity_rad_s[j];
         }
         position_rad
     }
@@ -101,12 +101,4 @@ fn lowered(leg: &LegKinematics, start: &Vector3<f64>, posture: &Vector3<f64>) ->
         *(if leg.joints(&at(middle)).limited { &mut outside } else { &mut within }) = middle;
     }
     at(within)
-}
-
-fn smooth(x: f64) -> f64 {
-    x * x * (3.0 - 2.0 * x)
-}
-
-fn of_leg(positions_rad: &[f64; JOINTS], leg: usize) -> [f64; JOINTS_PER_LEG] {
-    std::array::from_fn(|k| positions_rad[leg * JOINTS_PER_LEG + k])
 }

@@ -19,9 +19,9 @@ impl Ramp {
             return self.to;
         }
         let x = (elapsed_s / self.duration_s).clamp(0.0, 1.0);
-        let smooth = x * x * (3.0 - 2.0 * x);
+        let smooth = smoothstep(x);
         let g = (elapsed_s / self.gain_s).clamp(0.0, 1.0);
-        let gain = g * g * (3.0 - 2.0 * g);
+        let gain = smoothstep(g);
         let (a, b) = (&self.from, &self.to);
         let mix = |from: &[f64; JOINTS], to: &[f64; JOINTS], share: f64| {
             std::array::from_fn(|j| from[j] + share * (to[j] - from[j]))
@@ -46,6 +46,11 @@ impl Ramp {
             torque_nm: mix(&a.torque_nm, &b.torque_nm, gain),
         }
     }
+}
+
+/// 3 x² − 2 x³: from rest to rest for x from 0 to 1.
+pub(crate) fn smoothstep(x: f64) -> f64 {
+    x * x * (3.0 - 2.0 * x)
 }
 
 #[cfg(test)]

@@ -1,13 +1,13 @@
-//! `tandem drive`: a velocity from keys or a joystick, with the emergency stop under the same hand.
+//! `tandem drive`: a velocity from keys or a joystick, with the emergency stop under the same input.
 
-mod sight;
+mod display;
 mod steer;
 
-use crate::hand::{Hand, Moved};
+use crate::operator_input::{InputEvent, OperatorInput};
 use crate::stop_button::node_arguments;
 use anyhow::{Result, bail};
+use display::Display;
 use ros::{Node, Publisher, Qos};
-use sight::Sight;
 use std::path::PathBuf;
 use std::process::ExitCode;
 use std::time::{Duration, Instant};
@@ -87,49 +87,49 @@ impl Arguments {
 pub fn run(arguments: &Arguments) -> Result<ExitCode> {
     let ros_arguments = node_arguments(&arguments.ros)?;
     let mut steer = arguments.steer()?;
-    let mut hand = Hand::open(arguments.joystick.as_deref())?;
-    if !hand.has_keys() && (hand.joystick().is_none() || arguments.release_button.is_none()) {
+    let mut input = OperatorInput::open(arguments.joystick.as_deref())?;
+    if !input.has_keys() && (input.joystick().is_none() || arguments.release_button.is_none()) {
         bail!(
             "standard input is no terminal, so no key can be read; run it in a terminal, or name a joystick with --joystick and --release-button"
         );
     }
     let node = Node::start("drive", &ros_arguments.supervised())?;
-    let sight = Sight::new(&node)?;
-    let voice = Voice::new(&node, arguments.stamped)?;
-    sight.say("i , j l u o m . drive (shift: sideways), k stands still, q z w x e c change the limits, SPACE is the emergency stop, r releases it, Ctrl-C leaves");
-    drive(&node, &mut hand, &mut steer, &sight, &voice);
-    // The last word, whatever ended it; then silence, which is a press where the controller asks for a heartbeat.
-    voice.speak(&node, [0.0; 3], steer.pressed());
+    let display = Display::new(&node)?;
+    let publishers = CommandPublishers::new(&node, arguments.stamped)?;
+    display.say("i , j l u o m . drive (shift: sideways), k stands still, q z w x e c change the limits, SPACE is the emergency stop, r releases it, Ctrl-C leaves");
+    drive(&node, &mut input, &mut steer, &display, &publishers);
+    // The last message, whatever ended it; then silence, which is a press where the controller asks for a heartbeat.
+    publishers.publish(&node, [0.0; 3], steer.pressed());
     if let Some(failure) = node.stop().failure() {
         bail!("{failure}");
     }
     node.shutdown();
-    sight.say("gone. A controller that asks for a heartbeat has stopped the robot, unless a stop button runs.");
+    display.say("gone. A controller that asks for a heartbeat has stopped the robot, unless a stop button runs.");
     Ok(ExitCode::SUCCESS)
 }
 
 /// Until a signal ends it. Every change is published at once; nothing for a while: the same again.
-fn drive(node: &Node, hand: &mut Hand, steer: &mut Steer, sight: &Sight, voice: &Voice) {
+fn drive(node: &Node, input: &mut OperatorInput, steer: &mut Steer, display: &Display, publishers: &CommandPublishers) {
     let mut due = Instant::now();
     while !node.stop().is_requested() {
-        let moved = hand.wait(due);
+        let event = input.wait(due);
         let pressed = steer.pressed();
-        steer.take(&moved, Instant::now());
-        if let Moved::Lost(what) = &moved {
-            sight.say(&format!("{what} is lost: the emergency stop is pressed; repair it and start anew"));
+        steer.take(&event, Instant::now());
+        if let InputEvent::Lost(what) = &event {
+            display.say(&format!("{what} is lost: the emergency stop is pressed; repair it and start anew"));
         }
         let now = Instant::now();
         if pressed == steer.pressed() && now < due {
             continue;
         }
         due = now + PERIOD;
-        voice.speak(node, steer.velocity(now), steer.pressed());
-        sight.show(steer, now);
+        publishers.publish(node, steer.velocity(now), steer.pressed());
+        display.show(steer, now);
     }
 }
 
 /// What is published.
-struct Voice {
+struct CommandPublishers {
     stop: Publisher<Bool>,
     velocity: Velocity,
 }
@@ -139,7 +139,7 @@ enum Velocity {
     Stamped(Publisher<TwistStamped>),
 }
 
-impl Voice {
+impl CommandPublishers {
     fn new(node: &Node, stamped: bool) -> Result<Self> {
         let velocity = if stamped {
             Velocity::Stamped(node.publisher("cmd_vel", Qos::reliable(10))?)
@@ -150,7 +150,7 @@ impl Voice {
     }
 
     /// What is not sent is silence, which stops the robot: the next one is tried all the same.
-    fn speak(&self, node: &Node, [x, y, turning]: [f64; 3], pressed: bool) {
+    fn publish(&self, node: &Node, [x, y, turning]: [f64; 3], pressed: bool) {
         let _ = self.stop.publish(Bool { data: pressed });
         let twist = Twist { linear: Vector3 { x, y, z: 0.0 }, angular: Vector3 { x: 0.0, y: 0.0, z: turning } };
         let _ = match &self.velocity {

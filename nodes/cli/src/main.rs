@@ -9,10 +9,10 @@ mod bag;
 mod doctor;
 #[cfg(feature = "network")]
 mod drive;
-#[cfg(feature = "network")]
-mod hand;
 mod interrupt;
 mod library;
+#[cfg(feature = "network")]
+mod operator_input;
 mod plan;
 mod progress;
 mod report;

@@ -1,6 +1,6 @@
-//! From what a hand does to what the robot is asked for: a velocity, and whether the emergency stop is pressed.
+//! From an operator's input to what the robot is asked for: a velocity, and whether the emergency stop is pressed.
 
-use crate::hand::Moved;
+use crate::operator_input::InputEvent;
 use std::time::{Duration, Instant};
 
 /// Directions of the keys, ahead, to the left and turning left, as teleop_twist_keyboard has them.
@@ -99,13 +99,13 @@ impl Steer {
         [direction[0] * speed, direction[1] * speed, direction[2] * turn]
     }
 
-    /// Takes what a hand did. What is lost is pressed, and nothing releases it any more.
-    pub fn take(&mut self, moved: &Moved, now: Instant) {
-        match moved {
-            Moved::Nothing => {}
-            Moved::Key(key) => self.key(*key, now),
-            Moved::Button { number, down, initial } => self.button(*number, *down, *initial),
-            Moved::Axis { number, value } => {
+    /// Takes an input. What is lost is pressed, and nothing releases it any more.
+    pub fn take(&mut self, event: &InputEvent, now: Instant) {
+        match event {
+            InputEvent::Nothing => {}
+            InputEvent::Key(key) => self.key(*key, now),
+            InputEvent::Button { number, down, initial } => self.button(*number, *down, *initial),
+            InputEvent::Axis { number, value } => {
                 let value = if value.abs() < DEAD_ZONE { 0.0 } else { *value };
                 // Forward and left are negative.
                 match number {
@@ -115,7 +115,7 @@ impl Steer {
                     _ => {}
                 }
             }
-            Moved::Lost(_) => (self.pressed, self.lost) = (true, true),
+            InputEvent::Lost(_) => (self.pressed, self.lost) = (true, true),
         }
     }
 
@@ -160,7 +160,7 @@ mod tests {
     }
 
     fn type_all(steer: &mut Steer, keys: &[u8], now: Instant) {
-        keys.iter().for_each(|key| steer.take(&Moved::Key(*key), now));
+        keys.iter().for_each(|key| steer.take(&InputEvent::Key(*key), now));
     }
 
     #[test]
@@ -205,11 +205,11 @@ mod tests {
     #[test]
     fn sticks_move_it_only_while_their_button_is_held() {
         let (mut steer, now) = (steer(), Instant::now());
-        let button = |number, down| Moved::Button { number, down, initial: false };
-        steer.take(&Moved::Axis { number: 1, value: -1.0 }, now);
-        steer.take(&Moved::Axis { number: 3, value: 0.05 }, now);
+        let button = |number, down| InputEvent::Button { number, down, initial: false };
+        steer.take(&InputEvent::Axis { number: 1, value: -1.0 }, now);
+        steer.take(&InputEvent::Axis { number: 3, value: 0.05 }, now);
         assert_eq!(steer.velocity(now), [0.0; 3]);
-        steer.take(&Moved::Button { number: 4, down: true, initial: true }, now);
+        steer.take(&InputEvent::Button { number: 4, down: true, initial: true }, now);
         assert_eq!(steer.velocity(now), [0.0; 3], "held before it began");
         steer.take(&button(4, true), now);
         assert_eq!(steer.velocity(now), [0.5, 0.0, 0.0]);
@@ -221,7 +221,7 @@ mod tests {
     #[test]
     fn what_is_lost_is_pressed_for_good() {
         let (mut steer, now) = (steer(), Instant::now());
-        steer.take(&Moved::Lost("the terminal".into()), now);
+        steer.take(&InputEvent::Lost("the terminal".into()), now);
         type_all(&mut steer, b"ri", now);
         assert!(steer.pressed() && steer.velocity(now) == [0.0; 3]);
     }

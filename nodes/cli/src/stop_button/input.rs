@@ -1,6 +1,6 @@
-//! What a person's hand did, as the stop button understands it.
+//! An operator's input, as the stop button understands it.
 
-use crate::hand::{Hand, Moved};
+use crate::operator_input::{InputEvent, OperatorInput};
 use anyhow::{Result, bail};
 use std::path::Path;
 use std::time::{Duration, Instant};
@@ -20,9 +20,9 @@ pub enum Event {
     Lost(String),
 }
 
-/// The hand, and which of its buttons mean what.
+/// The operator's input, and which of its buttons mean what.
 pub struct Input {
-    hand: Hand,
+    devices: OperatorInput,
     press: u8,
     release: Option<u8>,
     help: String,
@@ -31,10 +31,10 @@ pub struct Input {
 impl Input {
     /// Opens a joystick, if one is named, with its buttons, and the keys of standard input, if that is a terminal.
     pub fn open(joystick: Option<(&Path, u8, Option<u8>)>) -> Result<Self> {
-        let hand = Hand::open(joystick.map(|(path, ..)| path))?;
+        let devices = OperatorInput::open(joystick.map(|(path, ..)| path))?;
         let (press, release) = joystick.map_or((0, None), |(_, press, release)| (press, release));
         let mut help = "publishes emergency_stop 20 times a second.".to_owned();
-        match (hand.has_keys(), hand.joystick()) {
+        match (devices.has_keys(), devices.joystick()) {
             (false, None) => bail!(
                 "standard input is no terminal, so no key can be read; run it in a terminal, or name a joystick: --joystick /dev/input/js0"
             ),
@@ -45,17 +45,17 @@ impl Input {
             }
             _ => {}
         }
-        if hand.has_keys() {
+        if devices.has_keys() {
             help += " Space or Enter: press. r: release. q: leave.";
         }
-        if let Some(name) = hand.joystick() {
+        if let Some(name) = devices.joystick() {
             help += &format!(" Button {press} of {name}: press.");
             if let Some(release) = release {
                 help += &format!(" Button {release}: release.");
             }
         }
         help += " Its silence stops the robot where the controller asks for a heartbeat.";
-        Ok(Self { hand, press, release, help })
+        Ok(Self { devices, press, release, help })
     }
 
     /// What the operator can do, in words.
@@ -65,15 +65,15 @@ impl Input {
 
     /// Whether an input was lost. Then nothing releases any more.
     pub fn is_lost(&self) -> bool {
-        self.hand.is_lost()
+        self.devices.is_lost()
     }
 
     /// Waits for the next event, at most so long.
     pub fn wait(&mut self, patience: Duration) -> Event {
         let deadline = Instant::now() + patience;
         loop {
-            let event = match self.hand.wait(deadline) {
-                Moved::Nothing => return Event::Nothing,
+            let event = match self.devices.wait(deadline) {
+                InputEvent::Nothing => return Event::Nothing,
                 moved => self.meant(moved),
             };
             if event != Event::Nothing || Instant::now() >= deadline {
@@ -82,15 +82,15 @@ impl Input {
         }
     }
 
-    fn meant(&self, moved: Moved) -> Event {
+    fn meant(&self, moved: InputEvent) -> Event {
         match moved {
-            Moved::Key(b' ' | b'\r' | b'\n') => Event::Press,
-            Moved::Key(b'r' | b'R') => Event::Release,
-            Moved::Key(b'q' | b'Q') => Event::Leave,
+            InputEvent::Key(b' ' | b'\r' | b'\n') => Event::Press,
+            InputEvent::Key(b'r' | b'R') => Event::Release,
+            InputEvent::Key(b'q' | b'Q') => Event::Leave,
             // Held already when the program began: it counts.
-            Moved::Button { number, down: true, .. } if number == self.press => Event::Press,
-            Moved::Button { number, down: true, initial: false } if self.release == Some(number) => Event::Release,
-            Moved::Lost(what) => Event::Lost(what),
+            InputEvent::Button { number, down: true, .. } if number == self.press => Event::Press,
+            InputEvent::Button { number, down: true, initial: false } if self.release == Some(number) => Event::Release,
+            InputEvent::Lost(what) => Event::Lost(what),
             _ => Event::Nothing,
         }
     }
@@ -99,13 +99,13 @@ impl Input {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::hand::tests::joystick;
+    use crate::operator_input::tests::joystick;
 
     const BUTTON: u8 = 1;
     const INITIAL: u8 = 0x80;
 
     fn events(of: &[(i16, u8, u8)], count: usize) -> Vec<Event> {
-        let mut input = Input { hand: joystick(of), press: 3, release: Some(7), help: String::new() };
+        let mut input = Input { devices: joystick(of), press: 3, release: Some(7), help: String::new() };
         (0..count).map(|_| input.wait(Duration::from_millis(10))).collect()
     }
 

@@ -15,13 +15,13 @@ pub(crate) use reference::swings;
 pub(crate) use walk::{Balanced, Trouble};
 
 use crate::prepared_gait::Instant;
-use crate::{JOINTS, PreparedGait};
+use crate::{JOINTS, PreparedGait, of_leg};
 use drive::Drive;
 use estimator::Estimator;
 use gait::StepSide;
 use ground::Ground;
 use nalgebra::{Vector2, Vector3};
-use reference::{Planned, Shape, of_leg, smooth};
+use reference::{Planned, Shape, smooth};
 
 /// The reference's rate is its change over this phase.
 const STEP: f64 = 1e-3;

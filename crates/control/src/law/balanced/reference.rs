@@ -3,7 +3,7 @@
 use super::BalanceConfig;
 use super::drive::Driven;
 use super::ground::{Frames, Ground};
-use crate::{JOINTS, PreparedGait};
+use crate::{JOINTS, PreparedGait, of_leg};
 use gait::StepSide;
 use nalgebra::{Vector2, Vector3};
 
@@ -21,11 +21,6 @@ pub(super) fn smooth(x: f64) -> f64 {
 /// Which legs swing in a step of this side.
 pub(crate) fn swings(side: StepSide) -> [bool; 4] {
     side.stands().map(|stands| !stands)
-}
-
-/// Three joints of a leg.
-pub(super) fn of_leg(joints: &[f64; JOINTS], leg: usize) -> [f64; 3] {
-    [joints[3 * leg], joints[3 * leg + 1], joints[3 * leg + 2]]
 }
 
 /// The plan at one phase, driven: joints B, toes p̄ from the body, and the compensating torque.

@@ -1,4 +1,4 @@
-//! What is in a person's hand: keys of a terminal, buttons and axes of a joystick, as they are moved; what is lost.
+//! An operator's input: keys of a terminal, buttons and axes of a joystick, and their loss.
 
 use anyhow::{Context, Result};
 use std::fs::File;
@@ -15,9 +15,9 @@ const KIND_AXIS: u8 = 0x02;
 /// The state at the beginning, sent as events.
 const KIND_INITIAL: u8 = 0x80;
 
-/// What a hand did, or what happened to its device.
+/// One input, or what happened to its device.
 #[derive(Clone, Debug, PartialEq)]
-pub enum Moved {
+pub enum InputEvent {
     /// Nothing in this time.
     Nothing,
     /// A key.
@@ -31,13 +31,13 @@ pub enum Moved {
 }
 
 /// The terminal and the joystick, as far as they are there.
-pub struct Hand {
+pub struct OperatorInput {
     keys: Option<Terminal>,
     joystick: Option<Joystick>,
     lost: bool,
 }
 
-impl Hand {
+impl OperatorInput {
     /// Opens a joystick, if one is named, and the keys of standard input, if that is a terminal.
     pub fn open(joystick: Option<&Path>) -> Result<Self> {
         let joystick = joystick.map(Joystick::open).transpose()?;
@@ -67,19 +67,19 @@ impl Hand {
     }
 
     /// Waits for the next movement, at most until then.
-    pub fn wait(&mut self, deadline: Instant) -> Moved {
+    pub fn wait(&mut self, deadline: Instant) -> InputEvent {
         loop {
             let left = deadline.saturating_duration_since(Instant::now());
             match self.poll(left) {
                 // A signal, or the time is over: the caller looks which.
-                None => return Moved::Nothing,
-                Some(Moved::Nothing) if Instant::now() < deadline => {}
-                Some(moved) => return moved,
+                None => return InputEvent::Nothing,
+                Some(InputEvent::Nothing) if Instant::now() < deadline => {}
+                Some(event) => return event,
             }
         }
     }
 
-    fn poll(&mut self, left: Duration) -> Option<Moved> {
+    fn poll(&mut self, left: Duration) -> Option<InputEvent> {
         let fd = |fd: Option<i32>| libc::pollfd { fd: fd.unwrap_or(-1), events: libc::POLLIN, revents: 0 };
         let keys = self.keys.as_ref().map(|_| 0);
         let mut fds = [fd(keys), fd(self.joystick.as_ref().map(|joystick| joystick.file.as_raw_fd()))];
@@ -93,34 +93,34 @@ impl Hand {
         }
     }
 
-    fn read_key(&mut self) -> Moved {
+    fn read_key(&mut self) -> InputEvent {
         let mut key = 0_u8;
         // Past the standard library's buffer: what waited there, poll would not tell of.
         // SAFETY: the pointer is to a local of that size.
         match unsafe { libc::read(0, (&raw mut key).cast(), 1) } {
-            1 => Moved::Key(key),
-            -1 if std::io::Error::last_os_error().kind() == std::io::ErrorKind::Interrupted => Moved::Nothing,
+            1 => InputEvent::Key(key),
+            -1 if std::io::Error::last_os_error().kind() == std::io::ErrorKind::Interrupted => InputEvent::Nothing,
             _ => {
                 self.keys = None;
                 self.lost = true;
-                Moved::Lost("the terminal".into())
+                InputEvent::Lost("the terminal".into())
             }
         }
     }
 
-    fn read_joystick(&mut self) -> Moved {
-        let Some(joystick) = &mut self.joystick else { return Moved::Nothing };
+    fn read_joystick(&mut self) -> InputEvent {
+        let Some(joystick) = &mut self.joystick else { return InputEvent::Nothing };
         let mut event = [0; JOYSTICK_EVENT];
         match joystick.file.read(&mut event) {
             Ok(JOYSTICK_EVENT) => decode(event),
             Err(error) if matches!(error.kind(), std::io::ErrorKind::Interrupted | std::io::ErrorKind::WouldBlock) => {
-                Moved::Nothing
+                InputEvent::Nothing
             }
             _ => {
                 let name = joystick.name.clone();
                 self.joystick = None;
                 self.lost = true;
-                Moved::Lost(name)
+                InputEvent::Lost(name)
             }
         }
     }
@@ -140,13 +140,13 @@ impl Joystick {
     }
 }
 
-fn decode(event: [u8; JOYSTICK_EVENT]) -> Moved {
+fn decode(event: [u8; JOYSTICK_EVENT]) -> InputEvent {
     let [.., low, high, kind, number] = event;
     let value = i16::from_ne_bytes([low, high]);
     match kind & !KIND_INITIAL {
-        KIND_BUTTON => Moved::Button { number, down: value != 0, initial: kind & KIND_INITIAL != 0 },
-        KIND_AXIS => Moved::Axis { number, value: (f64::from(value) / f64::from(i16::MAX)).max(-1.0) },
-        _ => Moved::Nothing,
+        KIND_BUTTON => InputEvent::Button { number, down: value != 0, initial: kind & KIND_INITIAL != 0 },
+        KIND_AXIS => InputEvent::Axis { number, value: (f64::from(value) / f64::from(i16::MAX)).max(-1.0) },
+        _ => InputEvent::Nothing,
     }
 }
 
@@ -188,25 +188,28 @@ pub mod tests {
     use std::io::{Seek, Write};
 
     /// A joystick that says these events, then is gone.
-    pub fn joystick(events: &[(i16, u8, u8)]) -> Hand {
+    pub fn joystick(events: &[(i16, u8, u8)]) -> OperatorInput {
         let mut file = tempfile::tempfile().unwrap();
         for (value, kind, number) in events {
             let [low, high] = value.to_ne_bytes();
             file.write_all(&[1, 2, 3, 4, low, high, *kind, *number]).unwrap();
         }
         file.rewind().unwrap();
-        Hand::of_joystick(file)
+        OperatorInput::of_joystick(file)
     }
 
     #[test]
     fn a_joysticks_events_are_read_until_it_is_gone() {
-        let mut hand = joystick(&[(1, 0x81, 3), (0, 1, 3), (-32767, 2, 1), (i16::MIN, 2, 1), (16384, 2, 0)]);
-        let moved: Vec<_> = (0..7).map(|_| hand.wait(Instant::now() + Duration::from_millis(2))).collect();
-        assert_eq!(moved[0], Moved::Button { number: 3, down: true, initial: true });
-        assert_eq!(moved[1], Moved::Button { number: 3, down: false, initial: false });
-        assert_eq!(moved[2..4], [Moved::Axis { number: 1, value: -1.0 }, Moved::Axis { number: 1, value: -1.0 }]);
-        assert!(matches!(moved[4], Moved::Axis { number: 0, value } if (value - 0.5).abs() < 1e-4));
-        assert_eq!(moved[5..], [Moved::Lost("js".into()), Moved::Nothing]);
-        assert!(hand.is_lost());
+        let mut input = joystick(&[(1, 0x81, 3), (0, 1, 3), (-32767, 2, 1), (i16::MIN, 2, 1), (16384, 2, 0)]);
+        let event: Vec<_> = (0..7).map(|_| input.wait(Instant::now() + Duration::from_millis(2))).collect();
+        assert_eq!(event[0], InputEvent::Button { number: 3, down: true, initial: true });
+        assert_eq!(event[1], InputEvent::Button { number: 3, down: false, initial: false });
+        assert_eq!(
+            event[2..4],
+            [InputEvent::Axis { number: 1, value: -1.0 }, InputEvent::Axis { number: 1, value: -1.0 }]
+        );
+        assert!(matches!(event[4], InputEvent::Axis { number: 0, value } if (value - 0.5).abs() < 1e-4));
+        assert_eq!(event[5..], [InputEvent::Lost("js".into()), InputEvent::Nothing]);
+        assert!(input.is_lost());
     }
 }

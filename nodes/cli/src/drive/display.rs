@@ -20,16 +20,16 @@ struct Seen {
     velocity: Option<([f64; 3], Instant)>,
 }
 
-/// Ears on the controller's topics, and the terminal's line.
-pub struct Sight(Arc<Mutex<Seen>>);
+/// Subscriptions to the controller's topics, and the terminal's line.
+pub struct Display(Arc<Mutex<Seen>>);
 
 fn lock(seen: &Mutex<Seen>) -> std::sync::MutexGuard<'_, Seen> {
     // What is guarded is whole after a panic elsewhere.
     seen.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
-impl Sight {
-    /// Listens to `controller_state` and `odom`.
+impl Display {
+    /// Subscribes to `controller_state` and `odom`.
     pub fn new(node: &Node) -> Result<Self> {
         let seen = Arc::new(Mutex::new(Seen::default()));
         let of_state = Arc::clone(&seen);
@@ -80,14 +80,14 @@ impl Seen {
 mod tests {
     use super::super::steer::Buttons;
     use super::*;
-    use crate::hand::Moved;
+    use crate::operator_input::InputEvent;
 
     #[test]
     fn the_line_says_what_is_asked_and_got_the_mode_and_its_faults() {
         let now = Instant::now();
         let buttons = Buttons { press: 0, release: None, enable: 4 };
         let mut steer = Steer::new(0.3, 0.5, Duration::from_secs(1), buttons);
-        steer.take(&Moved::Key(b'u'), now);
+        steer.take(&InputEvent::Key(b'u'), now);
         let mut seen = Seen::default();
         assert!(seen.line(&steer, now).ends_with("| got no odom | no controller"));
         seen.velocity = Some(([0.28, -0.01, 0.47], now));
@@ -95,7 +95,7 @@ mod tests {
         let line = seen.line(&steer, now);
         assert_eq!(line, "asked +0.30 +0.00 m/s +0.50 rad/s of 0.30, 0.50 | got +0.28 -0.01 m/s +0.47 rad/s | walking");
         seen.state = Some(("fault".into(), "tilt\x1b[2J".into(), now));
-        steer.take(&Moved::Key(b' '), now);
+        steer.take(&InputEvent::Key(b' '), now);
         let line = seen.line(&steer, now);
         assert!(line.contains("fault: tilt") && !line.contains('\x1b') && line.ends_with("releases"), "{line}");
         assert!(seen.line(&steer, now + 2 * MEMORY).contains("no controller"));
