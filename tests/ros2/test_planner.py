@@ -51,19 +51,26 @@ def test_a_goal_succeeds_with_feedback_for_every_iteration_and_its_gait_on_the_t
     from tandem_msgs.msg import Gait
     from test_walk import latched
 
-    gaits, received, statuses = [], [], []
+    gaits, fed, called, statuses = [], [], [], []
     # What `ros2 action` and dashboards read.
     client.node.create_subscription(GoalStatusArray, "/planning/generate_gait/_action/status", statuses.append, latched())
+    client.node.create_subscription(goals.type.Impl.FeedbackMessage, "/planning/generate_gait/_action/feedback", fed.append, 100)
     client.node.create_subscription(Gait, "/planning/gait", gaits.append, latched())
-    handle = goals.send(lambda message: received.append(message.feedback), behaviour="amble", speed_m_s=[0.3])
+    # A writer sends nothing to a reader that it has not discovered.
+    wait_until(lambda: goals.result(goals.send(behaviour="gait1")) and fed, 20, "feedback of a goal")
+    handle = goals.send(lambda message: called.append(message.feedback), behaviour="amble", speed_m_s=[0.3])
     assert handle.accepted
     answer = goals.result(handle)
     assert answer.status == GoalStatus.STATUS_SUCCEEDED
     result = answer.result
     assert result.success and result.status == "converged" and result.solver.status == "converged"
-    wait_until(lambda: len(received) >= result.solver.iterations, 5, lambda: f"{[feedback.iteration for feedback in received]} of {result.solver.iterations}")
-    numbers = [feedback.iteration for feedback in received]
-    assert numbers == list(range(numbers[0], numbers[0] + len(numbers))) and numbers[-1] == result.solver.iterations, numbers
+    of_this = lambda: [message.feedback for message in fed if bytes(message.goal_id.uuid) == bytes(handle.goal_id.uuid)]
+    numbers = lambda: [feedback.iteration for feedback in of_this()]
+    wait_until(lambda: result.solver.iterations in numbers(), 5, lambda: f"{numbers()} of {result.solver.iterations}")
+    received = of_this()
+    assert numbers() == list(range(1, result.solver.iterations + 1))
+    # Once rclpy's action client has the result it drops the feedback that still lies in its reader, whoever the server is.
+    assert called and called == received[: len(called)], [feedback.iteration for feedback in called]
     assert received[-1].max_violation <= 1e-5 and received[0].max_violation > received[-1].max_violation
     assert all(later.elapsed_s > earlier.elapsed_s for earlier, later in zip(received, received[1:]))
     wait_until(lambda: any(gait.header.stamp == result.gait_stamp for gait in gaits), 5, "the gait on its topic")
