@@ -69,7 +69,7 @@ def test_a_goal_succeeds_with_feedback_for_every_iteration_and_its_gait_on_the_t
     wait_until(lambda: result.solver.iterations in numbers(), 5, lambda: f"{numbers()} of {result.solver.iterations}")
     received = of_this()
     assert numbers() == list(range(1, result.solver.iterations + 1))
-    # Once rclpy's action client has the result it drops the feedback that still lies in its reader, whoever the server is.
+    # Once rclpy's action client has the result, it drops the feedback that still lies in its reader.
     assert called and called == received[: len(called)], [feedback.iteration for feedback in called]
     assert received[-1].max_violation <= 1e-5 and received[0].max_violation > received[-1].max_violation
     assert all(later.elapsed_s > earlier.elapsed_s for earlier, later in zip(received, received[1:]))
