@@ -403,14 +403,14 @@ impl Day {
         }
         let arguments = [&CONTROLLER[..], &["-r", "__ns:=/second"]].concat();
         let master = format!("can0 has a master already, process {}", self.controller.id());
-        for _ in 0..times {
+        for one in 1..=times {
             let (status, said) = Program::run(&self.folder, "tandem_controller", &arguments, PATIENCE)?;
             if status.success() || !said.contains(&master) {
                 return Err(format!("a second controller ends with {status}, expected '{master}':\n{said}").into());
             }
             self.walks_on(0.1, "a second controller")?;
+            println!("can_day: second controller {one} of {times} is refused with '{master}': walked on");
         }
-        println!("can_day: {times} second controllers are refused, each with '{master}': walked on");
         Ok(())
     }
 
