@@ -25,6 +25,24 @@ messages! { "action_msgs";
         /// One for each.
         status_list: Vec<GoalStatus>,
     }
+    /// Which goals are to stop.
+    #[derive(Copy)]
+    CancelGoalRequest {
+        /// One goal, or all up to a time.
+        goal_info: GoalInfo,
+    }
+    /// Which will.
+    CancelGoalResponse {
+        /// 0: these will.
+        return_code: i8,
+        /// These.
+        goals_canceling: Vec<GoalInfo>,
+    }
+}
+
+service! {
+    /// Stops goals.
+    "action_msgs" CancelGoal: CancelGoalRequest -> CancelGoalResponse
 }
 
 impl GoalStatus {

@@ -25,11 +25,13 @@ pub mod nav_msgs;
 pub mod rcl_interfaces;
 pub mod rosgraph_msgs;
 pub mod sensor_msgs;
+mod sha256;
 pub mod std_msgs;
 pub mod std_srvs;
 pub mod tandem_msgs;
 pub mod text;
 pub mod tf2_msgs;
+mod type_hash;
 pub mod unique_identifier_msgs;
 pub mod visualization_msgs;
 
@@ -37,3 +39,4 @@ pub use gait_error::{GAIT_VERSION, GaitMessageError};
 pub use gait_message::Gait;
 pub use interface::{Action, Covariance, Field, FieldType, Message, Optional, Service, TooMany, definition};
 pub use tandem_msgs::*;
+pub use type_hash::TypeHash;

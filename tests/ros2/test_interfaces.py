@@ -1,7 +1,10 @@
 """docs/interfaces.md against the running nodes: every topic, service and action, and every parameter's table."""
 
+import json
 import os
+import pathlib
 import re
+import sys
 import time
 
 import pytest
@@ -86,6 +89,36 @@ def actual(client, node):
 def test_the_tables_of_interfaces_are_those_of_the_nodes(client, running, node):
     wait_until(lambda: actual(client, node).keys() >= documented(node).keys(), 10, lambda: f"{actual(client, node)}")
     assert actual(client, node) == documented(node)
+
+
+def hash_of(dds_name):
+    """What ROS 2's own generator wrote for a type that DDS knows by this name."""
+    package, kind, name = re.fullmatch(r"(\w+)::(\w+)::dds_::(\w+)_", dds_name).groups()
+    whole = re.sub(r"_(SendGoal|GetResult|FeedbackMessage|Request|Response).*", "", name)
+    file = pathlib.Path(sys.prefix) / f"share/{package}/{kind}/{whole}.json"
+    hashes = {entry["type_name"]: entry["hash_string"] for entry in json.loads(file.read_text())["type_hashes"]}
+    return hashes[f"{package}/{kind}/{name}"]
+
+
+def test_every_endpoint_announces_the_hash_of_its_type(client, running):
+    wait_until(lambda: all(actual(client, node).keys() >= documented(node).keys() for node in NODES), 20, "all endpoints are seen")
+    seen, wrong = set(), set()
+    for topic, _ in client.node.get_topic_names_and_types(no_demangle=True):
+        publishers = client.node.get_publishers_info_by_topic(topic, no_mangle=True)
+        for endpoint in publishers + client.node.get_subscriptions_info_by_topic(topic, no_mangle=True):
+            seen.add(endpoint.topic_type)
+            # tf2_msgs has no wheel.
+            if endpoint.topic_type != "tf2_msgs::msg::dds_::TFMessage_" and str(endpoint.topic_type_hash) != hash_of(endpoint.topic_type):
+                wrong.add((endpoint.node_name, topic, endpoint.topic_type, str(endpoint.topic_type_hash)))
+    print("\n".join(map(str, wrong)))
+    assert not wrong
+    # Ours, standard ones, services, the action and the graph's own topic are among them.
+    of_interest = ["msg::dds_::ControllerState", "srv::dds_::GenerateGait_Request", "action::dds_::GenerateGait_FeedbackMessage"]
+    assert {f"tandem_msgs::{name}_" for name in of_interest} <= seen, seen
+    assert {"sensor_msgs::msg::dds_::Imu_", "rmw_dds_common::msg::dds_::ParticipantEntitiesInfo_"} <= seen, seen
+    # What ros2 topic info --verbose asks for.
+    [controller] = client.node.get_publishers_info_by_topic("/faces/controller_state")
+    assert str(controller.topic_type_hash) == hash_of("tandem_msgs::msg::dds_::ControllerState_")
 
 
 def parameter_table(client, node):

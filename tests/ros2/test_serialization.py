@@ -1,10 +1,13 @@
 """Every Rust message against rclpy's own: names and types of all fields, and random values there and back. No network."""
 
 import importlib
+import json
+import pathlib
 import random
 import re
 import struct
 import subprocess
+import sys
 
 import pytest
 from conftest import ROOT, TARGET
@@ -65,6 +68,17 @@ def test_fields_are_those_of_the_definition(name):
     # Without members of its own a structure carries one byte, of which rclpy does not speak.
     ours = [pair for pair in FIELDS[name] if pair[0] != "structure_needs_at_least_one_member"]
     assert ours == expected
+
+
+def test_hashes_are_those_of_rosidl():
+    """Of every type, what ROS 2's own generator wrote for it (REP 2016)."""
+    lines = subprocess.run([MESSAGES, "hashes"], check=True, capture_output=True, text=True).stdout.splitlines()
+    ours = dict(line.split() for line in lines)
+    ros = {}
+    for file in pathlib.Path(sys.prefix, "share").glob("*/*/*.json"):
+        ros |= {entry["type_name"]: entry["hash_string"] for entry in json.loads(file.read_text()).get("type_hashes", [])}
+    assert len(ours) > len(FIELDS)
+    assert {name: ros.get(name) for name in ours} == ours
 
 
 def random_text(source):

@@ -9,7 +9,7 @@ use std::io::{BufRead, Read, Write};
 use byteorder::LittleEndian;
 use tandem_msgs::{
     Action, Claim, ClearFault, ControlCycle, ControllerState, Field, Gait, GenerateGait, GenerateGaitAction,
-    JointCommand, JointDiagnostics, LoadGait, Message, Service, SolverReport, StartRecording, StopRecording,
+    JointCommand, JointDiagnostics, LoadGait, Message, Service, SolverReport, StartRecording, StopRecording, TypeHash,
     action_msgs, builtin_interfaces, diagnostic_msgs, geometry_msgs, lifecycle_msgs, nav_msgs, rcl_interfaces,
     rosgraph_msgs, sensor_msgs, std_msgs, std_srvs, unique_identifier_msgs, visualization_msgs,
 };
@@ -26,35 +26,49 @@ fn again<M: Message>(cdr: &[u8]) -> Result<Vec<u8>, String> {
 
 type Again = fn(&[u8]) -> Result<Vec<u8>, String>;
 
-macro_rules! action {
-    ($types:ident, $action:ty: $($part:ident),*) => { $( {
-        type Part = <$action as Action>::$part;
-        let name = format!("{}/action/{}.{}", <$action>::PACKAGE, <$action>::NAME, stringify!($part));
-        $types.push((name, Part::fields(), again::<Part>));
-    } )* };
+/// A type: its name as rclpy's modules have it, its fields, its two-way conversion.
+type Type = (String, Vec<Field>, Again);
+
+/// What all types are, and their hashes.
+#[derive(Default)]
+struct Types {
+    types: Vec<Type>,
+    hashes: Vec<TypeHash>,
 }
 
-/// Every type: its name as rclpy's modules have it, its fields, its two-way conversion.
-fn types() -> Vec<(String, Vec<Field>, Again)> {
-    let mut types: Vec<(String, Vec<Field>, Again)> = Vec::new();
-    macro_rules! messages {
-        ($($type:ty),* $(,)?) => { $(
-            types.push((<$type as Message>::full_name(), <$type as Message>::fields(), again::<$type>));
-        )* };
+impl Types {
+    fn message<M: Message>(&mut self) {
+        self.types.push((M::full_name(), M::fields(), again::<M>));
+        self.hashes.push(TypeHash::of_message::<M>());
     }
-    macro_rules! services {
-        ($($service:ty),* $(,)?) => { $(
-            let name = format!("{}/srv/{}", <$service as Service>::PACKAGE, <$service as Service>::NAME);
-            type Request = <$service as Service>::Request;
-            type Response = <$service as Service>::Response;
-            types.push((format!("{name}.Request"), Request::fields(), again::<Request>));
-            types.push((format!("{name}.Response"), Response::fields(), again::<Response>));
-        )* };
+
+    fn service<S: Service>(&mut self) {
+        let name = format!("{}/srv/{}", S::PACKAGE, S::NAME);
+        self.types.push((format!("{name}.Request"), S::Request::fields(), again::<S::Request>));
+        self.types.push((format!("{name}.Response"), S::Response::fields(), again::<S::Response>));
+        self.hashes.extend(TypeHash::of_service::<S>());
     }
-    macro_rules! service_list {
-        ($($service:ty),* $(,)?) => { $( { services!($service); } )* };
+
+    fn action<A: Action>(&mut self) {
+        let name = format!("{}/action/{}", A::PACKAGE, A::NAME);
+        self.types.push((format!("{name}.Goal"), A::Goal::fields(), again::<A::Goal>));
+        self.types.push((format!("{name}.Result"), A::Result::fields(), again::<A::Result>));
+        self.types.push((format!("{name}.Feedback"), A::Feedback::fields(), again::<A::Feedback>));
+        self.hashes.extend(TypeHash::of_action::<A>());
     }
-    messages!(
+}
+
+macro_rules! messages {
+    ($types:ident: $($type:ty),* $(,)?) => { $( $types.message::<$type>(); )* };
+}
+macro_rules! services {
+    ($types:ident: $($service:ty),* $(,)?) => { $( $types.service::<$service>(); )* };
+}
+
+/// Every type.
+fn types() -> Types {
+    let mut types = Types::default();
+    messages!(types:
         builtin_interfaces::Time,
         builtin_interfaces::Duration,
         std_msgs::Header,
@@ -112,9 +126,10 @@ fn types() -> Vec<(String, Vec<Field>, Again)> {
         Gait,
         ControllerState,
     );
-    service_list!(
+    services!(types:
         std_srvs::Trigger,
         std_srvs::SetBool,
+        action_msgs::CancelGoal,
         rcl_interfaces::ListParameters,
         rcl_interfaces::GetParameters,
         rcl_interfaces::GetParameterTypes,
@@ -132,13 +147,19 @@ fn types() -> Vec<(String, Vec<Field>, Again)> {
         Claim,
         ClearFault,
     );
-    action!(types, GenerateGaitAction: Goal, Result, Feedback);
+    types.action::<GenerateGaitAction>();
     types
 }
 
 fn main() -> Result<(), Box<dyn std::error::Error>> {
-    let types = types();
+    let Types { types, hashes } = types();
     let mut output = std::io::stdout().lock();
+    if std::env::args().nth(1).as_deref() == Some("hashes") {
+        for TypeHash { name, hash } in &hashes {
+            writeln!(output, "{name} {hash}")?;
+        }
+        return Ok(());
+    }
     if std::env::args().nth(1).as_deref() == Some("fields") {
         for (name, fields, _) in &types {
             let fields: Vec<String> =

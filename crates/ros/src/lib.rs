@@ -71,6 +71,7 @@ mod start_log;
 mod stop;
 pub mod table;
 mod time;
+mod type_hash;
 mod watchdog;
 
 pub use action::{Goal, GoalEnd};

@@ -18,7 +18,7 @@ use crate::matches::Matches;
 use crate::parameters::{Changes, Store};
 use crate::shared::Core;
 use crate::stop::Stop;
-use crate::{Clock, Qos, RosError, names, participant, start_log, watchdog};
+use crate::{Clock, Qos, RosError, names, participant, start_log, type_hash, watchdog};
 
 mod services;
 mod topics;
@@ -87,6 +87,7 @@ impl Node {
         let participant = participant::start(arguments, &create)?;
         stop.health().set_loops(participant.loop_watches());
         std::thread::sleep(INTRODUCTION);
+        type_hash::announce_graph();
         let context = Context::from_domain_participant(participant).map_err(|error| create(error.to_string()))?;
         let node_name = NodeName::new(&namespace, &name).map_err(|error| create(error.to_string()))?;
         let options = NodeOptions::new().enable_rosout(false).start_parameter_services(false);

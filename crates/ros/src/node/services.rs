@@ -18,6 +18,7 @@ use crate::parameters::{ParameterBuilder, ParameterType};
 use crate::peers::Peers;
 use crate::service::{ServeOptions, serve};
 use crate::shared::dds_name;
+use crate::type_hash::{announce_action, announce_service};
 use crate::{Qos, RosError, Wire, logging};
 
 impl Node {
@@ -65,6 +66,7 @@ impl Node {
         let full = self.core.full_name(service, Subject::Service)?;
         let name = dds_name(&full)?;
         let callers = Peers::new(&self.core, &full);
+        announce_service::<S>();
         let server = self
             .core
             .with_node(|node| {
@@ -120,6 +122,7 @@ impl Node {
         };
         let callers = ["send_goal", "cancel_goal", "get_result"]
             .map(|service| Arc::new(Peers::new(&self.core, &format!("{full}/_action/{service}"))));
+        announce_action::<A>();
         let server = self
             .core
             .with_node(|node| {
@@ -145,6 +148,7 @@ impl Node {
         let name = dds_name(&full)?;
         let profile = Qos::service();
         let servers = Peers::new(&self.core, &full);
+        announce_service::<S>();
         let inner = self
             .core
             .with_node(|node| {

@@ -13,6 +13,7 @@ use crate::names::Subject;
 use crate::occasionally::Occasionally;
 use crate::publisher::{Publisher, Raw, RawPublisher, Slot};
 use crate::shared::dds_name;
+use crate::type_hash::announce_message;
 use crate::{Qos, RosError};
 
 impl Node {
@@ -24,6 +25,7 @@ impl Node {
         let full = self.core.full_name(topic, Subject::Topic)?;
         let create = |reason: String| RosError::Create { what: format!("publisher on {full}"), reason };
         let name = dds_name(&full)?;
+        announce_message::<M>();
         let inner = self
             .core
             .with_node(|node| {
@@ -93,6 +95,7 @@ impl Node {
         let name = dds_name(&full)?;
         let type_name = MessageTypeName::new(M::PACKAGE, M::NAME);
         let expected = type_name.dds_msg_type();
+        announce_message::<M>();
         let subscription = self
             .core
             .with_node(|node| {
