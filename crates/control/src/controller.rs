@@ -236,6 +236,9 @@ impl Controller {
                 _ => {}
             },
             (Mode::Stopping, _) => {}
+            (Mode::SittingDown, Mode::Standing) => {
+                motion.sit_from_standing(config, setpoint, &command.position_rad, now);
+            }
             (Mode::SittingDown, _) => motion.sit_down(config, setpoint, &command.position_rad, now),
         }
     }

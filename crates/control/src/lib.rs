@@ -37,6 +37,7 @@ mod lift;
 mod limits;
 mod memory;
 mod motion;
+mod postures;
 mod prepared_gait;
 mod ramp;
 pub mod setting;

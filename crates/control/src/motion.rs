@@ -3,8 +3,9 @@
 use crate::gait_clock::{GaitClock, Growth, Offset};
 use crate::law::{Law, grown};
 use crate::lift::Lift;
+use crate::postures::{folded, posture, posture_duration_s};
 use crate::ramp::Ramp;
-use crate::{Config, Event, JOINTS, JointCommand, JointState, Mode, Posture, PreparedGait};
+use crate::{Config, Event, JOINTS, JointCommand, JointState, Mode, PreparedGait};
 use gait::StepSide;
 use std::time::Duration;
 
@@ -43,6 +44,8 @@ pub(crate) enum Course {
 pub(crate) enum Then {
     /// Rise from the folded posture.
     Rise,
+    /// Sit down: asked for while the robot was still coming to rest.
+    Sit,
     /// Draw the feet in, which carry nothing any more, to the sitting posture.
     Fold,
     /// Let go.
@@ -168,6 +171,10 @@ impl Motion {
 
     /// To standing out of sitting down, `from` what is asked for now: over the feet as long as they carry the robot.
     pub fn stand_again(&mut self, config: &Config, from: JointCommand, commanded_rad: &[f64; JOINTS], now: Duration) {
+        if let Course::Ramp { then: then @ Then::Sit, .. } = &mut self.course {
+            *then = Then::Done;
+            return;
+        }
         if config.legs.is_some() && !matches!(self.course, Course::Lift { .. }) {
             let to = folded(config);
             let duration_s = posture_duration_s(config, commanded_rad, &to.position_rad);
@@ -185,6 +192,21 @@ impl Motion {
         let (to, then) = if near { (stand, Then::Done) } else { (folded(config), Then::Rise) };
         let duration_s = posture_duration_s(config, &from.position_rad, &to.position_rad);
         self.ramp(config, from, to, duration_s, then, now);
+    }
+
+    /// To the sitting posture, `from` what is asked for now, once the way to standing has come to its end: a body that
+    /// goes on over its feet is not lowered yet.
+    pub fn sit_from_standing(
+        &mut self,
+        config: &Config,
+        from: JointCommand,
+        commanded_rad: &[f64; JOINTS],
+        now: Duration,
+    ) {
+        match &mut self.course {
+            Course::Ramp { ramp, start, then } if !ramp.is_over(now.saturating_sub(*start)) => *then = Then::Sit,
+            _ => self.sit_down(config, from, commanded_rad, now),
+        }
     }
 
     /// To the sitting posture, `from` what is asked for now: down over the feet, which then are drawn in.
@@ -308,11 +330,12 @@ impl Motion {
                 if self.pending.is_some() && mode != Mode::Starting {
                     self.adopt_pending();
                 }
-                if now.saturating_sub(start) < Duration::from_secs_f64(ramp.duration_s) {
+                if !ramp.is_over(now.saturating_sub(start)) {
                     return Progress::Nothing;
                 }
                 match (then, mode) {
                     (Then::Rise, _) => self.rise(config, ramp.to, now),
+                    (Then::Sit, _) => self.sit_down(config, ramp.to, &ramp.to.position_rad, now),
                     (Then::Fold, _) => self.fold(config, ramp.to, now),
                     (Then::LetGo, _) => self.release(config, ramp.to, now),
                     // A gait that came meanwhile: blend on to its first posture.
@@ -372,29 +395,4 @@ impl Motion {
         self.course = Course::Gait(clock);
         Progress::GoesOn
     }
-}
-
-fn posture(config: &Config, posture: &Posture) -> JointCommand {
-    JointCommand {
-        position_rad: posture.position_rad,
-        velocity_rad_s: [0.0; JOINTS],
-        kp: config.posture_kp,
-        kd: config.posture_kd,
-        torque_nm: posture.support_torque_nm,
-    }
-}
-
-/// The sitting posture with the hips as wide as they will stand.
-fn folded(config: &Config) -> JointCommand {
-    let mut folded = posture(config, &config.sit);
-    for leg in 0..gait::LEGS {
-        let roll = leg * gait::JOINTS_PER_LEG;
-        folded.position_rad[roll] = config.stand.position_rad[roll];
-    }
-    folded
-}
-
-fn posture_duration_s(config: &Config, from: &[f64; JOINTS], to: &[f64; JOINTS]) -> f64 {
-    let farthest = (0..JOINTS).fold(0.0_f64, |m, j| m.max((to[j] - from[j]).abs()));
-    (farthest / config.posture_speed_rad_s).max(config.posture_min_s)
 }

@@ -1,6 +1,7 @@
 //! Moving from one posture to another without a jump: cubic Hermite in position, smooth in gains and torque.
 
 use crate::{JOINTS, JointCommand};
+use std::time::Duration;
 
 /// A move between two commands. Position and velocity are continuous at both ends; gains and feed-forward torque go over
 /// along 3x² − 2x³.
@@ -14,6 +15,10 @@ pub(crate) struct Ramp {
 }
 
 impl Ramp {
+    pub fn is_over(&self, elapsed: Duration) -> bool {
+        elapsed >= Duration::from_secs_f64(self.duration_s)
+    }
+
     pub fn at(&self, elapsed_s: f64) -> JointCommand {
         if elapsed_s >= self.duration_s {
             return self.to;

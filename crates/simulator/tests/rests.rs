@@ -6,15 +6,23 @@ use common::{Day, Shelf};
 use control::{Mode, Request};
 use gait::Gait;
 
-/// In these steps, of one side or the other, at this phase, a stop is asked for.
-const STOPS: [(bool, f64); 2] = [(false, 0.1), (true, 0.6)];
+/// In these steps, of one side or the other, at this phase, a stop is asked for: when in the step is all the same,
+/// for it ends with the step.
+const STOPS: [Stop; 2] = [Stop { mirrored: false, phase: 0.1 }, Stop { mirrored: true, phase: 0.6 }];
+
+#[derive(Clone, Copy, Debug)]
+struct Stop {
+    mirrored: bool,
+    phase: f64,
+}
 
 /// A walk of this gait, stopped in a step of either side.
-fn rested(shelf: &Shelf, gait: &Gait, (mirrored, phase): (bool, f64)) -> Day {
-    let title = format!("{} at {:.2} m/s, mirrored: {mirrored}, stopped at phase {phase}", gait.name, gait.speed_m_s());
+fn rested(shelf: &Shelf, gait: &Gait, stop: Stop) -> Day {
+    let law = if shelf.config.balance.is_some() { ", in balance" } else { "" };
+    let title = format!("{} at {:.2} m/s{law}, {stop:?}", gait.name, gait.speed_m_s());
     let mut day = Day::on_gait(shelf, title, gait);
     day.run(0.8);
-    day.until("in that step", 2.0, |o| (o.step_index % 2 == 1) == mirrored && o.step_phase > phase);
+    day.until("in that step", 2.0, |o| (o.step_index % 2 == 1) == stop.mirrored && o.step_phase > stop.phase);
     day.cycle(&[Request::Stop], None);
     day.until("standing", 2.0, |output| output.mode == Mode::Standing);
     (day.error_rad, day.tilt_rad) = (0.0, 0.0);
@@ -31,19 +39,33 @@ fn sit(day: &mut Day) {
 #[test]
 fn tracking_error_when_it_sits_at_once_after_a_stop_out_of_a_long_step() {
     let shelf = Shelf::new();
-    let mut worst_rad = 0.0_f64;
     for (name, _) in &shelf.gaits {
+        // Backward at 0.3 m/s gait2 and gait3 do not stand by themselves. Out of 0.6 m/s the body goes on over its feet
+        // for longer than a stop lasts.
         for speed_m_s in [-0.2, 0.3, 0.45] {
             let gait = shelf.plan_gait(name, Some(speed_m_s));
-            for stop in STOPS {
-                let mut day = rested(&shelf, &gait, stop);
-                sit(&mut day);
-                println!("{}: joints within {:.3} rad, tilt {:.3} rad", day.title, day.error_rad, day.tilt_rad);
-                worst_rad = worst_rad.max(day.error_rad);
-            }
+            // Lowered while the body still went on, it was 0.239 rad.
+            let bound_rad = if (*name, speed_m_s) == ("gait1", 0.45) { 0.22 } else { 0.3 };
+            sits_at_once(&shelf, &gait, bound_rad);
         }
     }
-    assert!(worst_rad < 0.3, "{worst_rad}");
+}
+
+#[test]
+fn out_of_the_balanced_law_s_steps_it_sits_at_once_too() {
+    let shelf = Shelf::balanced();
+    for (name, speed_m_s) in [("gait1", -0.3), ("gait1", 0.45), ("gait2", -0.3)] {
+        sits_at_once(&shelf, &shelf.plan_gait(name, Some(speed_m_s)), 0.3);
+    }
+}
+
+fn sits_at_once(shelf: &Shelf, gait: &Gait, bound_rad: f64) {
+    for stop in STOPS {
+        let mut day = rested(shelf, gait, stop);
+        sit(&mut day);
+        println!("{}: joints within {:.3} rad, tilt {:.3} rad", day.title, day.error_rad, day.tilt_rad);
+        assert!(day.error_rad < bound_rad, "{}: {} rad", day.title, day.error_rad);
+    }
 }
 
 /// Up again half way down, off again at once, stopped before the first step: then it sits.

@@ -1,7 +1,8 @@
 //! What the days of the robot in the simulator share: the robot, its gaits, and a day that ends at the first fault.
 #![allow(dead_code)]
 
-use control::{Config, Controller, InertialState, Input, JointState, Mode, Output, PreparedGait, Request, Tilt};
+use control::balanced::BalanceConfig;
+use control::{Config, Controller, Input, JointState, Mode, Output, PreparedGait, Request};
 use gait::Gait;
 use gait_design::{GaitRequest, PlanOptions};
 use robot::Robot;
@@ -26,6 +27,13 @@ impl Shelf {
         let config = Config::for_robot(&robot);
         let mut shelf = Self { robot, config, gaits: Vec::new() };
         shelf.gaits = NAMES.map(|name| (name, shelf.plan(name, None))).into();
+        shelf
+    }
+
+    /// The same, walked in balance.
+    pub fn balanced() -> Self {
+        let mut shelf = Self::new();
+        shelf.config.balance = Some(BalanceConfig::for_robot(&shelf.robot).unwrap());
         shelf
     }
 
@@ -86,7 +94,7 @@ impl Day {
         }
         .to_resolution();
         let [roll_rad, pitch_rad, _] = self.simulator.state().roll_pitch_yaw();
-        let inertial = Some(InertialState::tilted(Tilt { roll_rad, pitch_rad }, self.now).to_resolution());
+        let inertial = Some(self.simulator.inertial_state(self.now).to_resolution());
         let input = Input { joints: Some(&joints), inertial, requests, gait, ..Input::default() };
         let output = self.controller.step(&input, self.now);
         assert!(output.faults.is_empty(), "{}, {:?}, {:?}: {:?}", self.title, self.now, output.mode, output.report);
