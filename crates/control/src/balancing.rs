@@ -6,7 +6,7 @@ use crate::memory::Snapshot;
 use crate::motion::Expected;
 use crate::watch::Found;
 use crate::{Config, Fault, Input};
-use estimator::{Estimator, Health};
+use estimator::{Estimator, Health, Inertial};
 use std::time::Duration;
 
 impl Snapshot {
@@ -16,7 +16,7 @@ impl Snapshot {
         let walked = self.motion.walked();
         let legs = walked.map_or([false; gait::LEGS], |(_, clock)| swings(clock.side()));
         let phase = walked.map(|_| self.motion.step_phase);
-        let inertial = input.inertial.and_then(|unit| unit.for_estimator(now));
+        let inertial = input.inertial.and_then(|unit| Inertial::of(&unit, now));
         let joints = (&joints.position_rad, &joints.velocity_rad_s);
         balance.estimate(&mut self.estimate, joints, inertial, legs, phase, dt_s);
     }

@@ -30,7 +30,6 @@ mod config;
 mod controller;
 mod day;
 mod gait_clock;
-mod inertial;
 mod interface;
 mod law;
 mod lift;
@@ -49,11 +48,13 @@ const STILL_RAD: f64 = 0.02;
 
 pub use config::{Config, ConfigError, DriveMode, Posture};
 pub use controller::Controller;
-pub use inertial::{InertialState, Tilt, is_unit_length};
 pub use interface::{DampingReason, Input, MAX_REQUESTS, Output, Request};
 // What the interface is made of.
 pub use estimator::Health;
-pub use joints::{Fault, FaultReport, FaultSet, JOINTS, JointCommand, JointState, Severity, resolution};
+pub use joints::{
+    Fault, FaultReport, FaultSet, InertialState, JOINTS, JointCommand, JointState, Severity, Tilt, is_unit_length,
+    resolution,
+};
 pub use law::balanced;
 pub use law::balanced::{Velocity, VelocityCommand};
 pub use memory::{Snapshot, SnapshotVersion1};

@@ -71,7 +71,7 @@ impl Bench {
             self.balance.estimate(
                 &mut memory.estimate,
                 joints,
-                unit.for_estimator(Duration::ZERO),
+                estimator::Inertial::of(&unit, Duration::ZERO),
                 swings,
                 phase,
                 1e-3,

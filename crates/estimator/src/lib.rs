@@ -14,8 +14,9 @@ mod config;
 
 pub use config::Config;
 
-use joints::LEGS;
+use joints::{InertialState, LEGS};
 use nalgebra::{Matrix3, Quaternion, UnitQuaternion, Vector3};
+use std::time::Duration;
 
 /// What the inertial unit measured, in the base's axes at its origin.
 #[derive(Clone, Copy, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
@@ -28,6 +29,18 @@ pub struct Inertial {
     pub age_s: f64,
     /// The unit's own attitude (x, y, z, w), if it has one: where the estimate begins.
     pub attitude_xyzw: Option<[f64; 4]>,
+}
+
+impl Inertial {
+    /// What a unit's newest message is worth at `now`; none where it does not measure both turning and acceleration.
+    pub fn of(unit: &InertialState, now: Duration) -> Option<Self> {
+        Some(Self {
+            angular_velocity_rad_s: unit.angular_velocity_rad_s?,
+            specific_force_m_s2: unit.acceleration_m_s2?,
+            age_s: now.saturating_sub(unit.arrived).as_secs_f64(),
+            attitude_xyzw: unit.attitude_xyzw,
+        })
+    }
 }
 
 /// A toe from its leg's joints, in the base's axes.

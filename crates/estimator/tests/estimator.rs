@@ -1,7 +1,9 @@
 //! The estimator on motions that are known: a base that sways, turns and walks over toes that stand.
 
 use estimator::{Config, Estimator, Health, Inertial, Input, Toe};
+use joints::InertialState;
 use nalgebra::{Rotation3, UnitQuaternion, Vector3};
+use std::time::Duration;
 
 const STEP_S: f64 = 1e-3;
 const G: f64 = 9.81;
@@ -220,4 +222,21 @@ fn constants_that_cannot_be_are_named() {
     assert_eq!(config().problem(), None);
     let bad = Config { velocity_s: f64::NAN, ..config() };
     assert!(bad.problem().unwrap().starts_with("velocity_s is NaN"));
+}
+
+#[test]
+fn the_estimator_gets_a_unit_that_measures_both_with_its_age() {
+    let whole = InertialState {
+        stamp: Duration::from_secs(90),
+        arrived: Duration::from_millis(20),
+        attitude_xyzw: None,
+        angular_velocity_rad_s: Some([0.1, 0.2, 0.3]),
+        acceleration_m_s2: Some([0.0, 1.0, 9.0]),
+    };
+    let given = Inertial::of(&whole, Duration::from_millis(25)).unwrap();
+    assert_eq!((given.angular_velocity_rad_s, given.specific_force_m_s2), ([0.1, 0.2, 0.3], [0.0, 1.0, 9.0]));
+    assert!((given.age_s - 5e-3).abs() < 1e-12 && given.attitude_xyzw.is_none(), "{given:?}");
+    let part =
+        [InertialState { angular_velocity_rad_s: None, ..whole }, InertialState { acceleration_m_s2: None, ..whole }];
+    assert!(part.iter().all(|unit| Inertial::of(unit, Duration::from_millis(25)).is_none()));
 }

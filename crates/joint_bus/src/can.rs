@@ -1,9 +1,9 @@
 //! Linux SocketCAN.
 
-use crate::{Frame, Incoming, Link, LinkError};
+use crate::{Frame, Incoming, InertialFrames, Link, LinkError};
 use socketcan::{
-    CanAnyFrame, CanErrorFrame, CanFdFrame, CanFdSocket, CanFrame, EmbeddedFrame, ExtendedId, Frame as _, Id, Socket,
-    SocketOptions, StandardId,
+    CanAnyFrame, CanErrorFrame, CanFdFrame, CanFdSocket, CanFilter, CanFrame, EmbeddedFrame, ExtendedId, Frame as _,
+    Id, Socket, SocketOptions, StandardId,
 };
 use std::io;
 use std::sync::Arc;
@@ -12,6 +12,8 @@ use std::time::{Duration, SystemTime};
 /// One CAN interface, never blocking, with error frames switched on.
 pub struct CanLink {
     interface: Arc<str>,
+    /// Frames that it takes; none: all.
+    filter: Option<CanFilter>,
     /// None while it could not be opened.
     socket: Option<CanFdSocket>,
     /// Whether frames carry the kernel's time of arrival.
@@ -52,7 +54,19 @@ fn since_epoch(time: SystemTime) -> Duration {
 impl CanLink {
     /// Opens an interface, such as `can0`. Bit rates are the interface's own (`ip link set can0 type can bitrate 1000000`).
     pub fn open(interface: &str) -> Result<Self, LinkError> {
-        let mut link = Self { interface: interface.into(), socket: None, stamped: false, clock: StampClock::default() };
+        Self::open_with(interface, None)
+    }
+
+    /// Opens an interface for the frames of an inertial unit alone.
+    pub fn open_for(interface: &str, frames: InertialFrames) -> Result<Self, LinkError> {
+        // Its identifiers differ in the last two bits.
+        let mask = (libc::CAN_EFF_MASK & !3) | libc::CAN_EFF_FLAG | libc::CAN_RTR_FLAG;
+        Self::open_with(interface, Some(CanFilter::new(frames.id | libc::CAN_EFF_FLAG, mask)))
+    }
+
+    fn open_with(interface: &str, filter: Option<CanFilter>) -> Result<Self, LinkError> {
+        let (interface, clock) = (interface.into(), StampClock::default());
+        let mut link = Self { interface, filter, socket: None, stamped: false, clock };
         link.open_socket()?;
         Ok(link)
     }
@@ -62,6 +76,9 @@ impl CanLink {
         let socket = CanFdSocket::open(&self.interface).map_err(down)?;
         socket.set_nonblocking(true).map_err(down)?;
         socket.set_error_filter_accept_all().map_err(down)?;
+        if let Some(filter) = self.filter {
+            socket.set_filters(&[filter]).map_err(down)?;
+        }
         // Without the kernel's stamps the time of reading is taken: at most one control period later.
         self.stamped = socket.set_recv_timestamp(true).is_ok();
         self.socket = Some(socket);

@@ -1,6 +1,6 @@
 //! Which joint hangs on which drive: read from a file's text, checked.
 
-use crate::{DriveLimits, Ranges};
+use crate::{DriveLimits, InertialFrames, Ranges};
 use joints::{CommandRange, JOINTS};
 use serde::Deserialize;
 
@@ -43,6 +43,15 @@ pub struct JointWiring {
     pub limits: DriveLimits,
 }
 
+/// Where an inertial unit hangs whose frames are [`InertialFrames`].
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct InertialWiring {
+    /// Which of the interfaces.
+    pub interface: usize,
+    /// Its frames.
+    pub frames: InertialFrames,
+}
+
 /// All joints.
 #[derive(Clone, Debug, PartialEq)]
 pub struct BusConfig {
@@ -56,6 +65,8 @@ pub struct BusConfig {
     pub ask_before_arming: bool,
     /// Names of the interfaces, such as `can0`.
     pub interfaces: Vec<String>,
+    /// The inertial unit, where one hangs on an interface.
+    pub inertial: Option<InertialWiring>,
     /// In the robot's order of joints.
     pub joints: [JointWiring; JOINTS],
 }
@@ -89,6 +100,7 @@ struct File {
     interfaces: Vec<String>,
     ranges: FileRanges,
     limits: Option<FileLimits>,
+    inertial: Option<FileInertial>,
     joints: Vec<FileJoint>,
 }
 
@@ -98,6 +110,13 @@ struct File {
 struct FileLimits {
     max_torque_nm: Option<f64>,
     watchdog_s: Option<f64>,
+}
+
+#[derive(Clone, Copy, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct FileInertial {
+    interface: usize,
+    id: u32,
 }
 
 #[derive(Clone, Copy, Deserialize)]
@@ -123,6 +142,19 @@ impl From<FileRanges> for Ranges {
 }
 
 impl File {
+    fn inertial(&self) -> Result<Option<InertialWiring>, BusConfigError> {
+        let Some(FileInertial { interface, id }) = self.inertial else { return Ok(None) };
+        let refuse = |key: &str, problem: String| Err(BusConfigError::Value { key: key.into(), problem });
+        if interface >= self.interfaces.len() {
+            let last = self.interfaces.len() - 1;
+            return refuse("inertial.interface", format!("is {interface}, there are interfaces 0 to {last}"));
+        }
+        if id > 0x1fff_fffc || id % 4 != 0 {
+            return refuse("inertial.id", format!("is {id:#x}, expected a multiple of 4 of at most 29 bits"));
+        }
+        Ok(Some(InertialWiring { interface, frames: InertialFrames { id } }))
+    }
+
     /// What goes with every command to a drive whose torques have this range.
     fn limits(&self, range_nm: f64) -> Result<DriveLimits, BusConfigError> {
         let refuse = |key: &str, problem: String| Err(BusConfigError::Value { key: key.into(), problem });
@@ -172,12 +204,10 @@ impl BusConfig {
             return refuse("robot".into(), format!("is \"{}\", this robot is \"{robot}\"", file.robot));
         }
         if file.interfaces.is_empty() || file.interfaces.len() > JOINTS {
-            return refuse(
-                "interfaces".into(),
-                format!("has {} entries, expected 1 to {JOINTS}", file.interfaces.len()),
-            );
+            let problem = format!("has {} entries, expected 1 to {JOINTS}", file.interfaces.len());
+            return refuse("interfaces".into(), problem);
         }
-        let highest = file.protocol.largest_host_id();
+        let (inertial, highest) = (file.inertial()?, file.protocol.largest_host_id());
         if file.host_id > highest {
             return refuse("host_id".into(), format!("is {}, expected 0 to {highest}", file.host_id));
         }
@@ -243,6 +273,7 @@ impl BusConfig {
             protocol: file.protocol,
             host_id: file.host_id,
             ask_before_arming: file.ask_before_arming,
+            inertial,
             interfaces: file.interfaces,
             joints,
         })

@@ -1,8 +1,11 @@
 //! What the control cycle sees: twelve joints.
 
 use crate::reply_balance::ReplyBalance;
-use crate::{BusConfig, DriveCommand, DriveRequest, Frame, Incoming, Link, LinkError, Protocol, Readings};
-use joints::{Fault, FaultReport, JOINTS, JointCommand};
+use crate::{
+    BusConfig, BusHealth, DriveCommand, DriveRequest, Frame, Incoming, InertialUnit, Link, LinkError, LinkHealth,
+    Protocol, Readings,
+};
+use joints::{Fault, FaultReport, InertialState, JOINTS, JointCommand};
 use std::time::Duration;
 
 /// Frames taken from one link in one cycle: more than it can bring at 1 Mbit/s in 20 ms.
@@ -25,42 +28,6 @@ const ASKED_TO_ARM: Duration = Duration::from_secs(1);
 /// Behind the opening of a link its old socket's frames may still leave the queue, and the new socket receives them.
 const OWN_ECHO: Duration = Duration::from_millis(100);
 
-/// Counts of one link.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub struct LinkHealth {
-    /// Frames sent.
-    pub sent: u64,
-    /// Replies taken.
-    pub received: u64,
-    /// Frames lost to a full queue.
-    pub full: u64,
-    /// Frames that were no reply of a drive here, or damaged.
-    pub foreign: u64,
-    /// Commands to drives here that somebody else sent.
-    pub commands_of_others: u64,
-    /// Error frames.
-    pub bus_errors: u64,
-    /// Times that the link went down or off the bus.
-    pub breaks: u64,
-    /// Times that it was opened again.
-    pub reopened: u64,
-    /// Since when it is down, if it is.
-    pub down_since: Option<Duration>,
-}
-
-/// Counts of all links; the first four legs' where there is one a leg.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub struct BusHealth {
-    /// Each link's.
-    pub links: [LinkHealth; JOINTS],
-    /// How many links there are.
-    pub count: usize,
-    /// Frames sent to each drive.
-    pub requests: [u64; JOINTS],
-    /// Its replies.
-    pub replies: [u64; JOINTS],
-}
-
 /// Twelve joints to read from and to write to. Nothing here ever blocks or allocates.
 pub trait JointBus {
     /// The time of the cycle that begins at `wall` on the monotonic clock: that clock itself, unless the joints are
@@ -70,6 +37,11 @@ pub trait JointBus {
     }
     /// Takes over everything that came in by `now`.
     fn read(&mut self, now: Duration, readings: &mut Readings);
+    /// The newest measurement of an inertial unit that belongs to the bus, if there is a new one by `now`.
+    fn read_inertial(&mut self, now: Duration) -> Option<InertialState> {
+        let _ = now;
+        None
+    }
     /// Sends a command to every joint. With `drives_on` false the drives are commanded to rest (and asked for their
     /// state).
     fn write(&mut self, command: &JointCommand, drives_on: bool, now: Duration);
@@ -102,6 +74,7 @@ struct LinkState<L> {
 pub struct DriveBus<P, L> {
     protocol: P,
     links: Vec<LinkState<L>>,
+    inertial: Option<Box<dyn InertialUnit>>,
     config: BusConfig,
     /// Whether each drive was commanded to enter.
     entered: [bool; JOINTS],
@@ -150,6 +123,7 @@ impl<P: Protocol, L: Link> DriveBus<P, L> {
         Self {
             protocol,
             links,
+            inertial: None,
             config,
             entered: [false; JOINTS],
             errors: [0; JOINTS],
@@ -159,6 +133,17 @@ impl<P: Protocol, L: Link> DriveBus<P, L> {
             requests: [0; JOINTS],
             replies: [0; JOINTS],
         }
+    }
+
+    /// With this inertial unit.
+    #[must_use]
+    pub fn with_inertial_unit(self, unit: Option<Box<dyn InertialUnit>>) -> Self {
+        Self { inertial: unit, ..self }
+    }
+
+    /// Whether there is an inertial unit.
+    pub fn has_inertial_unit(&self) -> bool {
+        self.inertial.is_some()
     }
 
     /// A link, for tests that make it fail.
@@ -182,6 +167,9 @@ impl<P: Protocol, L: Link> DriveBus<P, L> {
             Some((j, self.protocol.decode_reply(&self.config.joints[j].ranges, frame)?))
         });
         let Some((j, reply)) = reply else {
+            if self.config.inertial.is_some_and(|unit| unit.interface == n && unit.frames.owns(frame)) {
+                return;
+            }
             state.health.foreign += 1;
             self.take_foreign(n, frame, now);
             return;
@@ -333,6 +321,10 @@ impl<P: Protocol, L: Link> JointBus for DriveBus<P, L> {
                 state.stranger = Some((now, first_joint));
             }
         }
+    }
+
+    fn read_inertial(&mut self, now: Duration) -> Option<InertialState> {
+        self.inertial.as_mut()?.read(now)
     }
 
     fn write(&mut self, command: &JointCommand, drives_on: bool, now: Duration) {

@@ -10,6 +10,8 @@
 //!   and simulation.
 //! - [`Link`]: something that frames go through without ever blocking: [`memory`] within a process, [`can::CanLink`] over
 //!   Linux SocketCAN, [`Faulty`] around another, for tests.
+//! - [`InertialUnit`]: an inertial unit that the cycle reads itself; [`CanInertialUnit`] and [`EmulatedInertialUnit`]
+//!   are the two ends of one with frames of this project's own.
 //! - [`JointBus`]: what the control cycle sees: twelve joints to read from and write to. [`DriveBus`] makes one of links and
 //!   a protocol. The DDS backend of the same trait is `dds_bus` in the controller's node, because this crate knows no ROS.
 #![cfg_attr(not(feature = "std"), no_std)]
@@ -27,6 +29,8 @@ pub use mit::Mit;
 pub use registers::Registers;
 
 #[cfg(feature = "std")]
+mod bus_health;
+#[cfg(feature = "std")]
 pub mod can;
 #[cfg(feature = "std")]
 mod can_lock;
@@ -41,6 +45,8 @@ mod drive_protocol;
 #[cfg(feature = "std")]
 mod faulty;
 #[cfg(feature = "std")]
+mod inertial_unit;
+#[cfg(feature = "std")]
 mod link;
 #[cfg(feature = "std")]
 pub mod memory;
@@ -50,17 +56,21 @@ mod readings;
 mod reply_balance;
 
 #[cfg(feature = "std")]
+pub use bus_health::{BusHealth, LinkHealth};
+#[cfg(feature = "std")]
 pub use can_lock::{CanLock, CanLockError};
 #[cfg(feature = "std")]
-pub use config::{BusConfig, BusConfigError, JointWiring, ProtocolName};
+pub use config::{BusConfig, BusConfigError, InertialWiring, JointWiring, ProtocolName};
 #[cfg(feature = "std")]
 pub use contract::{ContractBench, check_contract};
 #[cfg(feature = "std")]
-pub use drive_bus::{BusHealth, DriveBus, JointBus, LinkHealth};
+pub use drive_bus::{DriveBus, JointBus};
 #[cfg(feature = "std")]
 pub use drive_protocol::DriveProtocol;
 #[cfg(feature = "std")]
 pub use faulty::{Faults, Faulty};
+#[cfg(feature = "std")]
+pub use inertial_unit::{CanInertialUnit, EmulatedInertialUnit, InertialFrames, InertialUnit};
 #[cfg(feature = "std")]
 pub use link::{Incoming, Link, LinkError};
 #[cfg(feature = "std")]

@@ -3,6 +3,7 @@
 //!
 //! - [`JointState`]: what the drives measured, and when.
 //! - [`JointCommand`]: what the drives are to do, with the law that every drive evaluates.
+//! - [`InertialState`]: what an inertial unit on the base measured, and when.
 //! - [`CommandRange`]: the largest numbers that such commands carry.
 //! - [`Fault`], [`FaultSet`], [`FaultReport`]: what went wrong, by name.
 //! - [`Mirror`]: the left–right symmetry.
@@ -16,6 +17,7 @@
 pub mod bits;
 mod command;
 mod fault;
+mod inertial;
 mod mirror;
 pub mod resolution;
 mod state;
@@ -33,5 +35,6 @@ pub const LEG_LABELS: [&str; LEGS] = ["front left", "rear left", "front right", 
 
 pub use command::{CommandRange, JointCommand};
 pub use fault::{Fault, FaultReport, FaultSet, Severity};
+pub use inertial::{InertialState, Tilt, is_unit_length};
 pub use mirror::{Mirror, mirrored_vector};
 pub use state::JointState;

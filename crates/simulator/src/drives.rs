@@ -1,9 +1,9 @@
 //! Twelve emulated drives at the far end of the robot's buses, moved by the simulator: what the controller's hardware side
 //! talks to where there is no robot. They take the frames and the wiring file that are meant for the robot.
 
-use control::JOINTS;
+use control::{InertialState, JOINTS};
 pub use joint_bus::DriveProtocol;
-use joint_bus::{BusConfig, DriveModel, EmulatedDrive, Incoming, Link, LinkError};
+use joint_bus::{BusConfig, DriveModel, EmulatedDrive, EmulatedInertialUnit, Incoming, Link, LinkError};
 use std::time::Duration;
 
 /// A link that is down is tried again after this time.
@@ -21,6 +21,7 @@ pub struct DriveBench {
     config: BusConfig,
     drives: [EmulatedDrive; JOINTS],
     ends: Vec<BusEnd>,
+    inertial: Option<EmulatedInertialUnit>,
     /// Replies lost to full queues.
     lost_replies: u64,
 }
@@ -38,7 +39,20 @@ impl DriveBench {
             EmulatedDrive::new(joint.id, joint.ranges, model)
         });
         let ends = links.into_iter().map(|link| BusEnd { link, down_until: None }).collect();
-        Self { protocol: DriveProtocol::of(&config), config, drives, ends, lost_replies: 0 }
+        Self { protocol: DriveProtocol::of(&config), config, drives, ends, inertial: None, lost_replies: 0 }
+    }
+
+    /// With this inertial unit.
+    #[must_use]
+    pub fn with_inertial_unit(self, unit: Option<EmulatedInertialUnit>) -> Self {
+        Self { inertial: unit, ..self }
+    }
+
+    /// The inertial unit has measured this.
+    pub fn measure(&mut self, measured: &InertialState) {
+        if let Some(unit) = &mut self.inertial {
+            unit.send(measured);
+        }
     }
 
     /// Motor side of joint `j`.

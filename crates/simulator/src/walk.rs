@@ -318,14 +318,8 @@ impl<'a> Course<'a> {
         let joints = self.path.read(&self.simulator, now).map(JointState::to_resolution);
         let is_due = |unit: &InertialState| now.saturating_sub(unit.stamp) >= INERTIAL_PERIOD;
         if self.inertial.as_ref().is_none_or(is_due) {
-            let unit = InertialState {
-                stamp: now,
-                arrived: now,
-                attitude_xyzw: Some(self.simulator.imu_quaternion_xyzw()),
-                angular_velocity_rad_s: Some(state.base_angular_velocity_body),
-                acceleration_m_s2: Some(self.simulator.felt_specific_force_body()),
-            };
-            self.inertial = Some(unit.to_resolution());
+            let measured = self.simulator.inertial_state(now);
+            self.inertial = self.path.inertial(measured, now).map(InertialState::to_resolution);
         }
         let first = cycle == 0;
         let input = Input {

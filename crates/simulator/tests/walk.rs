@@ -1,6 +1,6 @@
 //! The controller and the simulator together.
 
-use control::{DriveMode, Mode};
+use control::{DriveMode, Mode, Velocity};
 use gait::Gait;
 use gait_design::{GaitRequest, PlanOptions};
 use joint_bus::{BusConfig, DriveModel};
@@ -10,6 +10,7 @@ use simulator::walk::{Drives, End, Start, Walk, WalkError, WalkOptions, walk};
 use simulator::{Posture, Push, SimulatorOptions, Terrain};
 use std::ops::ControlFlow;
 use std::path::Path;
+use std::time::Duration;
 
 fn vision60() -> Robot {
     Robot::load(&Path::new(env!("CARGO_MANIFEST_DIR")).join("../../config/robots/vision60")).unwrap()
@@ -159,6 +160,38 @@ fn it_walks_on_emulated_drives_over_both_protocols() {
                 walk.figures
             );
         }
+    }
+}
+
+/// Joints and inertial unit behind their frames, commands 2 ms late: pushed to either side it walks on.
+#[test]
+fn on_emulated_drives_it_walks_in_balance_on_what_the_inertial_units_frames_say() {
+    let robot = vision60();
+    let file = include_str!("../../../config/hardware/vision60_can.toml");
+    for protocol in ["mit", "registers"] {
+        let text = file.replacen("protocol = \"mit\"", &format!("protocol = \"{protocol}\""), 1);
+        let text = text + "[inertial]\ninterface = 0\nid = 0x1000000\n";
+        let bus = BusConfig::from_toml_str(&text, "vision60", &robot.joint_names()).unwrap();
+        let model = DriveModel { latency: Duration::from_millis(2), ..DriveModel::default() };
+        let push = |start_s, y| Push { start_s, duration_s: 0.1, force_n: [0.0, y, 0.0] };
+        let options = WalkOptions {
+            seconds: 7.0,
+            balance: true,
+            drives: Some(Drives { bus, model }),
+            pushes: vec![push(2.0, 300.0), push(4.5, -300.0)],
+            velocities: vec![(0.0, Velocity { forward_m_s: 0.2, ..Velocity::default() })],
+            ..WalkOptions::default()
+        };
+        let step = 160.0 / 32767.0;
+        let walk = walk(&robot, &amble(), &options, &mut |_, _, cycle| {
+            assert!(cycle.output.balance.is_some(), "{protocol}, {:?}: the paper's law", cycle.now);
+            let force = cycle.input.inertial.unwrap().acceleration_m_s2.unwrap();
+            // As whole steps of the frames' numbers, in the controller's resolution.
+            assert!(force.iter().all(|a| (a / step - (a / step).round()).abs() * step < 5e-4), "{force:?}");
+        })
+        .unwrap();
+        assert_eq!(walk.end, End::Upright, "{protocol}");
+        assert!((walk.figures.speed_m_s - 0.2).abs() < 0.1, "{protocol}: {:?}", walk.figures);
     }
 }
 

@@ -3,12 +3,13 @@
 use crate::dds_bus::DdsBus;
 use crate::emergency_stop::EmergencyStop;
 use crate::recording::CycleLog;
+use crate::timing::{Durations, Timing};
 use control::{
     Controller, FaultReport, GaitName, InertialState, Input, JOINTS, JointState, MAX_REQUESTS, Output, PreparedGait,
     Request, Velocity, VelocityCommand,
 };
 use joint_bus::{BusHealth, JointBus, Readings};
-use realtime::{Histogram, Periodic, RealtimeRequest, Warning, monotonic_now};
+use realtime::{Periodic, RealtimeRequest, Warning, monotonic_now};
 use ros::{Health, Pulse, Silence};
 use rtrb::{Consumer, Producer};
 use std::sync::Arc;
@@ -60,19 +61,6 @@ pub struct CycleOutput {
     pub readings: Option<Readings>,
     /// Once a second, where the cycle itself reads the drives: how the buses are.
     pub bus: Option<BusHealth>,
-}
-
-/// How the loop kept its time: median, 99th percentile and maximum.
-#[derive(Clone, Copy, Debug, Default)]
-pub struct Timing {
-    /// Lateness of wakes since it began.
-    pub latency: [Duration; 3],
-    /// Lateness of wakes since the report before.
-    pub recent_latency: [Duration; 3],
-    /// Computing time of a cycle since it began.
-    pub compute: [Duration; 3],
-    /// Computing time of a cycle since the report before.
-    pub recent_compute: [Duration; 3],
 }
 
 /// An inertial state older than this says nothing about now.
@@ -169,9 +157,15 @@ impl Cycle {
             count += 1;
         }
         while let Ok(newer) = self.inertial.pop() {
+            if memory.reads_unit {
+                continue;
+            }
             // The cycle that takes it is when it came in: on the cycle's own clock, whichever that is.
             let state = InertialState { arrived: now, ..newer.state };
             memory.inertial = Some(TimedInertial { state, ..newer });
+        }
+        if let Some(state) = measured.inertial {
+            (memory.inertial, memory.reads_unit) = (Some(TimedInertial { state, wall }), true);
         }
         while let Ok(newer) = self.velocities.pop() {
             memory.velocity = Some(memory.command(newer, now, wall));
@@ -247,6 +241,7 @@ impl Cycle {
                 awaits_answers,
                 state: state.as_ref(),
                 effort_nm: readings.torque_told.then_some(readings.torque_nm),
+                inertial: bus.read_inertial(now),
                 fault: bus.fault(now),
                 readings: Some(readings),
                 bus: Some(bus.health()),
@@ -305,6 +300,8 @@ impl Cycle {
 struct Measured<'a> {
     state: Option<&'a JointState>,
     effort_nm: Option<[f64; JOINTS]>,
+    /// A new measurement of the unit that the cycle reads itself.
+    inertial: Option<InertialState>,
     fault: Option<FaultReport>,
     readings: Option<Readings>,
     bus: Option<BusHealth>,
@@ -315,6 +312,8 @@ struct Measured<'a> {
 #[derive(Default)]
 struct Memory {
     inertial: Option<TimedInertial>,
+    /// It came from a unit that the cycle reads itself: no topic takes that one's place when it falls silent.
+    reads_unit: bool,
     /// The newest velocity that was asked for.
     velocity: Option<VelocityCommand>,
     lockstep: bool,
@@ -342,41 +341,9 @@ impl Memory {
     }
 }
 
-/// Durations since the beginning, and since the last report.
-#[derive(Default)]
-struct Durations {
-    all: Histogram,
-    recent: Histogram,
-}
-
-impl Durations {
-    fn record(&mut self, duration: Duration) {
-        self.all.record(duration);
-        self.recent.record(duration);
-    }
-
-    fn report(&mut self) -> ([Duration; 3], [Duration; 3]) {
-        let of = |h: &Histogram| [h.quantile(0.5), h.quantile(0.99), h.max()];
-        let report = (of(&self.all), of(&self.recent));
-        self.recent.clear();
-        report
-    }
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
-
-    #[test]
-    fn what_is_recent_begins_anew_with_every_report() {
-        let mut durations = Durations::default();
-        durations.record(Duration::from_millis(3));
-        let slow = [Duration::from_millis(3); 3];
-        assert_eq!(durations.report(), (slow, slow));
-        durations.record(Duration::from_millis(1));
-        let (all, recent) = durations.report();
-        assert_eq!((all[2], recent), (slow[0], [Duration::from_millis(1); 3]));
-    }
 
     #[test]
     fn a_velocity_that_waited_while_no_cycle_ran_is_not_walked() {

@@ -32,4 +32,5 @@ pub mod publishers;
 pub mod record_root;
 pub mod recording;
 pub mod services;
+pub mod timing;
 pub mod work;

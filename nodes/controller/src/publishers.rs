@@ -1,6 +1,6 @@
 //! The thread that publishes the cycle's output.
 
-use crate::cycle::{CycleOutput, Timing};
+use crate::cycle::CycleOutput;
 use crate::dds_bus::{CommandPublisher, OFFERED};
 use crate::drive_reports::DriveReports;
 use crate::inputs::InputProblems;
@@ -8,6 +8,7 @@ use crate::odometry::{self, Odometer};
 use crate::ports;
 use crate::recording::{self, Recording};
 use crate::services::Services;
+use crate::timing::Timing;
 use control::{DampingReason, Fault, FaultReport, JOINTS, Mode};
 use realtime::monotonic_now;
 use ros::{Clock, Node, PublishError, Publisher, Pulse, RosError, Stop};

@@ -16,7 +16,7 @@ use crate::services::{Sensors, Services};
 use anyhow::Context as _;
 use control::{Config, Controller, Mode};
 use joint_bus::can::CanLink;
-use joint_bus::{BusConfig, CanLock, DriveBus, DriveProtocol};
+use joint_bus::{BusConfig, CanInertialUnit, CanLock, DriveBus, DriveProtocol, InertialUnit, LinkError};
 use realtime::{Warning, monotonic_now};
 use robot::Robot;
 use ros::{Managed, Node, Qos};
@@ -53,10 +53,18 @@ fn open_bus(file: &Path, robot: &Robot, config: &control::Config) -> anyhow::Res
         .with_context(|| format!("{}", file.display()))?;
     let locks = bus.interfaces.iter().map(|name| CanLock::take(name)).collect::<Result<Vec<_>, _>>()?;
     let links = bus.interfaces.iter().map(|name| CanLink::open(name)).collect::<Result<Vec<_>, _>>()?;
+    let unit = open_inertial_unit(&bus)?;
     let protocol = DriveProtocol::of(&bus);
-    let mut bus = DriveBus::new(bus, protocol, links);
+    let mut bus = DriveBus::new(bus, protocol, links).with_inertial_unit(unit);
     listen_first(&mut bus)?;
     Ok(Drives { bus, locks })
+}
+
+/// The robot's own inertial unit. A robot with another one opens it here.
+fn open_inertial_unit(bus: &BusConfig) -> Result<Option<Box<dyn InertialUnit>>, LinkError> {
+    let Some(unit) = bus.inertial else { return Ok(None) };
+    let link = CanLink::open_for(&bus.interfaces[unit.interface], unit.frames)?;
+    Ok(Some(Box::new(CanInertialUnit::new(unit.frames, link))))
 }
 
 /// Another host's controller holds no lock here: it is listened for before anything is sent.

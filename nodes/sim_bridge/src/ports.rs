@@ -1,7 +1,7 @@
 //! Messages to and from the simulator's own types: the one place where the two meet.
 
-use control::{JointCommand, resolution};
-use simulator::{RobotState, Simulator};
+use control::{InertialState, JointCommand, resolution};
+use simulator::RobotState;
 use tandem_msgs::builtin_interfaces::Time;
 use tandem_msgs::geometry_msgs::{Point, Pose, Quaternion, Transform, TransformStamped, Twist, Vector3, WrenchStamped};
 use tandem_msgs::nav_msgs::Odometry;
@@ -56,12 +56,12 @@ pub fn joint_state(state: &RobotState, names: &[String; 12], stamp: Time) -> Joi
 
 /// What an inertial measurement unit at the base reports: its orientation is against the true vertical, its
 /// acceleration the mean since the message before.
-pub fn imu(simulator: &mut Simulator, frames: &Frames, stamp: Time) -> Imu {
+pub fn imu(measured: &InertialState, frames: &Frames, stamp: Time) -> Imu {
     Imu {
         header: header(stamp, &frames.imu),
-        orientation: quaternion(simulator.imu_quaternion_xyzw()),
-        angular_velocity: vector(simulator.state().base_angular_velocity_body, resolution::velocity_rad_s),
-        linear_acceleration: vector(simulator.felt_specific_force_body(), resolution::acceleration_m_s2),
+        orientation: quaternion(measured.attitude_xyzw.unwrap_or_default()),
+        angular_velocity: vector(measured.angular_velocity_rad_s.unwrap_or_default(), resolution::velocity_rad_s),
+        linear_acceleration: vector(measured.acceleration_m_s2.unwrap_or_default(), resolution::acceleration_m_s2),
         ..Imu::default()
     }
 }

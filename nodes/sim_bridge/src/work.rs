@@ -5,7 +5,7 @@ use crate::config::{Config, Pace};
 use crate::inbox::{Ask, Inbox};
 use anyhow::Context;
 use joint_bus::can::CanLink;
-use joint_bus::{BusConfig, DriveModel, Link, LinkError};
+use joint_bus::{BusConfig, DriveModel, EmulatedInertialUnit, InertialWiring, Link, LinkError};
 use robot::Robot;
 use ros::{Managed, Node};
 use simulator::drives::DriveBench;
@@ -32,7 +32,12 @@ fn drives(config: &Config, robot: &Robot, interfaces: &[String]) -> anyhow::Resu
         .collect::<Result<Vec<_>, LinkError>>()?;
     let torque_limit_nm = robot.limits.drive_torque_nm.into_iter().fold(0.0, f64::max);
     let model = DriveModel { torque_limit_nm, latency: config.drive_latency, ..DriveModel::default() };
-    Ok(DriveBench::new(bus, model, links))
+    let open_unit = |unit: InertialWiring| -> Result<EmulatedInertialUnit, LinkError> {
+        let link = CanLink::open_for(&bus.interfaces[unit.interface], unit.frames)?;
+        Ok(EmulatedInertialUnit::new(unit.frames, link))
+    };
+    let unit = bus.inertial.map(open_unit).transpose()?;
+    Ok(DriveBench::new(bus, model, links).with_inertial_unit(unit))
 }
 
 /// What runs while the node is configured.

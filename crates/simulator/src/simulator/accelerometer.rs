@@ -1,6 +1,8 @@
-//! The accelerometer.
+//! The accelerometer, and the inertial unit that it is part of.
 
 use super::Simulator;
+use control::InertialState;
+use std::time::Duration;
 
 /// Sum of the accelerometer's readings since it was asked last, m/s², and how many there were.
 #[derive(Default)]
@@ -20,6 +22,17 @@ impl Simulator {
     pub fn felt_specific_force_body(&mut self) -> [f64; 3] {
         let Accumulated { sum, count } = std::mem::take(&mut self.accumulated);
         if count == 0 { self.specific_force_body() } else { sum.map(|sum| sum / f64::from(count)) }
+    }
+
+    /// What an inertial unit on the base measures at `now`.
+    pub fn inertial_state(&mut self, now: Duration) -> InertialState {
+        InertialState {
+            stamp: now,
+            arrived: now,
+            attitude_xyzw: Some(self.imu_quaternion_xyzw()),
+            angular_velocity_rad_s: Some(self.state().base_angular_velocity_body),
+            acceleration_m_s2: Some(self.felt_specific_force_body()),
+        }
     }
 
     /// After every physics step.

@@ -3,8 +3,11 @@
 use super::{WalkError, WalkOptions};
 use crate::Simulator;
 use crate::drives::{DriveBench, DriveProtocol};
-use control::{Config, JointCommand, JointState, Output};
-use joint_bus::{BusConfig, DriveBus, JointBus, Link, Readings, memory};
+use control::{Config, InertialState, JointCommand, JointState, Output};
+use joint_bus::{
+    BusConfig, CanInertialUnit, DriveBus, EmulatedInertialUnit, InertialUnit, InertialWiring, JointBus, Link, Readings,
+    memory, memory::MemoryLink,
+};
 use std::collections::VecDeque;
 use std::time::Duration;
 
@@ -13,7 +16,13 @@ pub(super) enum Path {
     /// The simulator's own drives, and commands on their way to them.
     Own { on_the_way: VecDeque<JointCommand>, delay_cycles: usize },
     /// Emulated drives behind frames.
-    Bus { bus: Box<dyn JointBus>, bench: Box<DriveBench>, readings: Box<Readings> },
+    Bus { bus: Box<DriveBus<DriveProtocol, MemoryLink>>, bench: Box<DriveBench>, readings: Box<Readings> },
+}
+
+/// Both ends of an inertial unit on a link of its own.
+fn inertial_unit(wiring: &InertialWiring) -> (Box<dyn InertialUnit>, EmulatedInertialUnit) {
+    let (near, far) = memory::pair();
+    (Box::new(CanInertialUnit::new(wiring.frames, near)), EmulatedInertialUnit::new(wiring.frames, far))
 }
 
 impl Path {
@@ -38,8 +47,10 @@ impl Path {
             .unzip();
         // Nobody else is on these links.
         let wiring = BusConfig { ask_before_arming: true, ..drives.bus.clone() };
-        let bus = Box::new(DriveBus::new(wiring, DriveProtocol::of(&drives.bus), near));
-        let bench = Box::new(DriveBench::new(drives.bus.clone(), drives.model, far));
+        let (unit, emulated) = drives.bus.inertial.as_ref().map(inertial_unit).unzip();
+        let bus = DriveBus::new(wiring, DriveProtocol::of(&drives.bus), near).with_inertial_unit(unit);
+        let bench = DriveBench::new(drives.bus.clone(), drives.model, far).with_inertial_unit(emulated);
+        let (bus, bench) = (Box::new(bus), Box::new(bench));
         let mut path = Self::Bus { bus, bench, readings: Box::default() };
         path.greet();
         Ok(path)
@@ -65,6 +76,17 @@ impl Path {
                 bus.read(now, readings);
                 readings.joint_state()
             }
+        }
+    }
+
+    /// What the controller receives of a measurement of the inertial unit: through its frames, where it is wired.
+    pub(super) fn inertial(&mut self, measured: InertialState, now: Duration) -> Option<InertialState> {
+        match self {
+            Self::Bus { bus, bench, .. } if bus.has_inertial_unit() => {
+                bench.measure(&measured);
+                bus.read_inertial(now)
+            }
+            _ => Some(measured),
         }
     }
 

@@ -3,7 +3,7 @@
 use super::{Bridge, REPUBLISH};
 use crate::ports;
 use ros::PublishError;
-use std::time::Instant;
+use std::time::{Duration, Instant};
 use tandem_msgs::builtin_interfaces::Time;
 use tandem_msgs::rosgraph_msgs::Clock;
 
@@ -36,7 +36,11 @@ impl Bridge {
             self.ports.clock.publish(Clock { clock: stamp })?;
         }
         if self.period.is_multiple_of(self.config.imu_every) {
-            self.ports.imu.publish(ports::imu(&mut self.simulator, &self.frames, stamp))?;
+            let measured = self.simulator.inertial_state(Duration::from_nanos(self.stamp_ns().unsigned_abs()));
+            if let Some(bench) = &mut self.bench {
+                bench.measure(&measured);
+            }
+            self.ports.imu.publish(ports::imu(&measured, &self.frames, stamp))?;
         }
         if self.period.is_multiple_of(self.config.odometry_every) {
             self.ports.odom.publish(ports::odometry(&state, &self.frames, stamp))?;

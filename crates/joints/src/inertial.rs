@@ -1,6 +1,6 @@
 //! What an inertial unit reports.
 
-use joints::resolution::{acceleration_m_s2, quaternion, velocity_rad_s};
+use crate::resolution::{acceleration_m_s2, quaternion, velocity_rad_s};
 use std::time::Duration;
 
 /// How far a quaternion's length may be from 1 for the rounding of whoever sends it.
@@ -62,16 +62,6 @@ impl InertialState {
         })
     }
 
-    /// What the estimator takes of it at `now`; none where the unit does not measure both turning and acceleration.
-    pub fn for_estimator(&self, now: Duration) -> Option<estimator::Inertial> {
-        Some(estimator::Inertial {
-            angular_velocity_rad_s: self.angular_velocity_rad_s?,
-            specific_force_m_s2: self.acceleration_m_s2?,
-            age_s: now.saturating_sub(self.arrived).as_secs_f64(),
-            attitude_xyzw: self.attitude_xyzw,
-        })
-    }
-
     /// An attitude alone, as bags of earlier versions and tests know it.
     pub fn tilted(tilt: Tilt, now: Duration) -> Self {
         let [(sr, cr), (sp, cp)] = [tilt.roll_rad, tilt.pitch_rad].map(|angle| (0.5 * angle).sin_cos());
@@ -85,7 +75,7 @@ impl InertialState {
     }
 
     /// The first of its numbers that is none.
-    pub(crate) fn not_finite(&self) -> Option<f64> {
+    pub fn not_finite(&self) -> Option<f64> {
         let attitude = self.attitude_xyzw.iter().flatten();
         let rates = self.angular_velocity_rad_s.iter().chain(&self.acceleration_m_s2).flatten();
         attitude.chain(rates).copied().find(|value| !value.is_finite())
@@ -115,25 +105,6 @@ mod tests {
         }
         state.attitude_xyzw = None;
         assert_eq!(state.tilt(), None);
-    }
-
-    #[test]
-    fn the_estimator_gets_a_unit_that_measures_both_with_its_age() {
-        let whole = InertialState {
-            stamp: Duration::from_secs(90),
-            arrived: Duration::from_millis(20),
-            attitude_xyzw: None,
-            angular_velocity_rad_s: Some([0.1, 0.2, 0.3]),
-            acceleration_m_s2: Some([0.0, 1.0, 9.0]),
-        };
-        let given = whole.for_estimator(Duration::from_millis(25)).unwrap();
-        assert_eq!((given.angular_velocity_rad_s, given.specific_force_m_s2), ([0.1, 0.2, 0.3], [0.0, 1.0, 9.0]));
-        assert!((given.age_s - 5e-3).abs() < 1e-12 && given.attitude_xyzw.is_none(), "{given:?}");
-        let part = [
-            InertialState { angular_velocity_rad_s: None, ..whole },
-            InertialState { acceleration_m_s2: None, ..whole },
-        ];
-        assert!(part.iter().all(|unit| unit.for_estimator(Duration::from_millis(25)).is_none()));
     }
 
     #[test]
