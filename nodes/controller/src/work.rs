@@ -35,6 +35,8 @@ const DAMPING_PATIENCE: Duration = Duration::from_millis(300);
 
 /// SCHED_FIFO priority of the threads through which the stop is received, where the control thread has one.
 const MIDDLEWARE_PRIORITY: u8 = 10;
+/// Name of the thread that publishes.
+const PUBLISHERS: &str = "publishers";
 
 /// How long a bus is listened to before the first frame: ten periods of the slowest controller.
 const LISTEN_FIRST: Duration = Duration::from_millis(200);
@@ -195,7 +197,7 @@ impl Work {
             services: Arc::clone(&services),
             cycle_ended: Arc::clone(&cycle_ended),
         };
-        let publishers = std::thread::Builder::new().name("publishers".into()).spawn(move || thread.run())?;
+        let publishers = std::thread::Builder::new().name(PUBLISHERS.into()).spawn(move || thread.run())?;
         let cycle = Cycle {
             controller,
             inertial,
@@ -292,13 +294,19 @@ impl Work {
     }
 }
 
-/// The stop is received through these; below the control thread, and beside everything else that the machine does.
+/// Threads that hold locks of the middleware which its event thread waits for: discovery's and the node's publishers'.
+const LOCK_HOLDERS: [&str; 2] = ["RustDDS discove", PUBLISHERS];
+
+/// The stop is received through `ros::THREADS`: below the control thread, and beside everything else that the machine
+/// does. Who holds a lock that these wait for comes right after them: an ordinary thread loses its processor meanwhile.
 fn raise_middleware(own: Option<u8>) {
-    if let Some(priority) = own.map(|own| MIDDLEWARE_PRIORITY.min(own - 1))
-        && priority > 0
-        && let Err(warning) = realtime::raise_threads(&ros::THREADS, priority)
-    {
-        tracing::warn!("the middleware's threads: {warning}");
+    let Some(priority) = own.map(|own| MIDDLEWARE_PRIORITY.min(own - 1)).filter(|priority| *priority > 1) else {
+        return;
+    };
+    for (threads, priority) in [(&ros::THREADS, priority), (&LOCK_HOLDERS, priority - 1)] {
+        if let Err(warning) = realtime::raise_threads(threads, priority) {
+            tracing::warn!("the middleware's threads: {warning}");
+        }
     }
 }
 
