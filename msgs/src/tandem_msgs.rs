@@ -45,6 +45,17 @@ messages! { "tandem_msgs";
         /// Since its last answer, s; NaN: never.
         age_s: Vec<f64>,
     }
+    /// Which feet carry weight, by what the drives report of their torques: an estimate.
+    FootContacts {
+        /// stamp: that of the joint state whose torques it is by.
+        header: Header,
+        /// The legs.
+        name: Vec<String>,
+        /// The leg carries weight.
+        contact: Vec<bool>,
+        /// Vertical force of the ground on the toe, N, as if the legs stood still.
+        force_n: Vec<f64>,
+    }
     /// One cycle of the controller: all that its step saw besides the joint state itself and the gait, so that the recorded run
     /// can be run again to the bit. Written to bags; not sent over the network.
     ControlCycle {
@@ -97,6 +108,8 @@ messages! { "tandem_msgs";
         velocity_age_ns: Vec<i64>,
         /// Ahead, to the left, m/s, and turning, rad/s, or none.
         velocity: Vec<f64>,
+        /// A pose of the body that was asked for since the cycle before: height, m, roll, pitch, yaw, rad, or none.
+        body_pose: Vec<f64>,
     }
     /// How the optimisation of a gait ended.
     SolverReport {

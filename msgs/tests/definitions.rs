@@ -3,8 +3,9 @@
 use std::path::Path;
 
 use tandem_msgs::{
-    Action, Claim, ClearFault, ControlCycle, ControllerState, Gait, GenerateGait, GenerateGaitAction, JointCommand,
-    JointDiagnostics, LoadGait, Message, Service, SolverReport, StartRecording, StopRecording, definition,
+    Action, Claim, ClearFault, ControlCycle, ControllerState, FootContacts, Gait, GenerateGait, GenerateGaitAction,
+    JointCommand, JointDiagnostics, LoadGait, Message, Service, SolverReport, StartRecording, StopRecording,
+    definition,
 };
 
 /// The fields of a definition file's sections (one for a message, two for a service, three for an action).
@@ -53,6 +54,7 @@ fn assert_service<S: Service>() {
 fn messages_match_their_files() {
     assert_message::<ControlCycle>();
     assert_message::<ControllerState>();
+    assert_message::<FootContacts>();
     assert_message::<Gait>();
     assert_message::<JointCommand>();
     assert_message::<JointDiagnostics>();
@@ -98,6 +100,7 @@ fn every_file_has_a_rust_type_and_is_built() {
             "action/GenerateGait.action",
             "msg/ControlCycle.msg",
             "msg/ControllerState.msg",
+            "msg/FootContacts.msg",
             "msg/Gait.msg",
             "msg/JointCommand.msg",
             "msg/JointDiagnostics.msg",

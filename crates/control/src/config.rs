@@ -1,7 +1,7 @@
 //! What the controller has to know of the robot, and its thresholds: plain data, checked once.
 
 use crate::balance_config::BalanceConfig;
-use crate::{STILL_RAD, setting};
+use crate::{BodyRange, STILL_RAD, setting};
 use gait::LEGS;
 use joints::{CommandRange, JOINTS};
 use nalgebra::{Matrix3, Matrix3x4, Vector3};
@@ -117,6 +117,9 @@ pub struct Config {
     /// down.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub legs: Option<[LegKinematics; LEGS]>,
+    /// How far the body may be moved while the robot stands.
+    #[serde(default)]
+    pub body_range: BodyRange,
     /// The balanced law, which is walked where inertial data is received; none: the paper's law.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub balance: Option<BalanceConfig>,
@@ -190,6 +193,7 @@ impl Config {
             over_temperature_c: 95.0,
             rest_velocity_rad_s: 1.0,
             legs: LegKinematics::all(robot).ok(),
+            body_range: BodyRange::for_height(robot.nominal.height_m),
             balance: None,
         }
     }
@@ -236,6 +240,7 @@ impl Config {
                 format!("is {} s, expected at least a control period of {} s", self.overrun_s, self.control_period_s);
             return refuse("overrun_s", problem);
         }
+        self.body_range.problem().map_or(Ok(()), |why| refuse("body_range", why))?;
         self.balance.as_ref().and_then(BalanceConfig::problem).map_or(Ok(()), |(key, why)| refuse(key, why))?;
         (0..JOINTS).try_for_each(|j| self.validate_joint(j))
     }

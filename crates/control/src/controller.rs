@@ -1,9 +1,10 @@
 //! The controller: one pure step from what was measured and asked to what is sent.
 
+use crate::body_pose::Body;
 use crate::law::Law;
 use crate::limits::Limits;
 use crate::memory::Snapshot;
-use crate::motion::Progress;
+use crate::progress::Progress;
 use crate::watch::{Found, Seen, watch_inertial};
 use crate::{
     Config, ConfigError, DampingReason, DriveMode, Event, Fault, FaultReport, Guards, Input, JOINTS, JointCommand,
@@ -83,10 +84,14 @@ impl Controller {
         if let Some(event) = self.memory.heed_velocity(&self.config, input, now) {
             self.event(event, now);
         }
+        let body_pose_answer = input.body_pose.map(|pose| self.memory.ask_body_pose(&self.config, &pose, now));
         self.progress(now, dt_s);
         self.balance(now, dt_s);
         let torque_nm = self.command(now, dt_s);
-        self.output(torque_nm, replies, input.requests.len().saturating_sub(MAX_REQUESTS))
+        Output {
+            body_pose_answer,
+            ..self.output(torque_nm, replies, input.requests.len().saturating_sub(MAX_REQUESTS))
+        }
     }
 
     // ── what is measured ────────────────────────────────────────────────────────────────────────────────────────────
@@ -152,6 +157,9 @@ impl Controller {
             Refusal::PostureUnsafe => self.memory.watch.posture_problem(&self.config).unwrap_or(refusal),
             other => other,
         })?;
+        if request == Request::Stand && mode == Mode::Standing {
+            self.memory.motion.body.go_back();
+        }
         match request {
             Request::Walk | Request::StartOnGait => self.memory.day.walk_wanted = true,
             Request::Stop | Request::Sit | Request::Stand | Request::Disarm => {
@@ -203,6 +211,12 @@ impl Controller {
         let Self { config, memory } = self;
         let Snapshot { day, watch, motion, law, limits, command, .. } = memory;
         match (day.mode, from) {
+            (Mode::Starting, Mode::Standing) if !motion.body.is_neutral() => return motion.start_from_posture(),
+            (Mode::Standing, Mode::Starting) if motion.stand_on() => return,
+            // What goes on from the setpoint has the body's pose in it.
+            _ => motion.body = Body::NEUTRAL,
+        }
+        match (day.mode, from) {
             (Mode::Disarmed | Mode::Damping | Mode::Fault, _) => {
                 motion.let_go();
                 *law = Law::Paper;
@@ -245,7 +259,8 @@ impl Controller {
 
     /// Follows time, and what it brings.
     fn progress(&mut self, now: Duration, dt_s: f64) {
-        self.memory.motion.run(self.memory.law.phase_rate(), dt_s);
+        let rate = self.memory.law.phase_rate();
+        self.memory.motion.run(&self.config, rate, dt_s);
         // Each turn of the loop takes one event; a motion has at most a few in one cycle.
         for _ in 0..4 {
             let begun_by = self.memory.walk_begun_by(&self.config);
@@ -347,6 +362,8 @@ impl Controller {
             torque_nm,
             estimate,
             balance,
+            body_pose: motion.body.pose(),
+            body_pose_answer: None,
             cycles: *cycles,
             stale_inputs: *stale_inputs,
         }

@@ -1,6 +1,7 @@
 //! What one step is given and what it returns.
 
 use crate::balanced::{BalanceReport, VelocityCommand};
+use crate::body_pose::{BodyPose, BodyPoseAnswer};
 use crate::{
     Fault, FaultReport, FaultSet, InertialState, JOINTS, JointCommand, JointState, Mode, PreparedGait, Refusal,
 };
@@ -54,6 +55,8 @@ pub struct Input<'a> {
     pub inertial: Option<InertialState>,
     /// The newest velocity that was asked for, if one ever was: only the balanced law can go other than the gait.
     pub velocity: Option<VelocityCommand>,
+    /// A pose of the body that was asked for since the last step: one that stands goes there, and stays.
+    pub body_pose: Option<BodyPose>,
     /// What operators asked since the last step, in order.
     pub requests: &'a [Request],
     /// A gait that arrived since the last step.
@@ -132,6 +135,10 @@ pub struct Output {
     pub estimate: Option<Estimator>,
     /// What the balanced law did, where it is walked.
     pub balance: Option<BalanceReport>,
+    /// Where the body is against the posture that is held.
+    pub body_pose: BodyPose,
+    /// What became of the input's pose.
+    pub body_pose_answer: Option<BodyPoseAnswer>,
     /// Steps of the controller.
     pub cycles: u64,
     /// Steps that found no new joint state.

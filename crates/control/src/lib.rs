@@ -25,8 +25,11 @@
 
 mod balance_config;
 mod balancing;
+mod body_pose;
+mod body_range;
 mod commanded;
 mod config;
+mod contact;
 mod controller;
 mod day;
 mod gait_clock;
@@ -36,8 +39,10 @@ mod lift;
 mod limits;
 mod memory;
 mod motion;
+mod posing;
 mod postures;
 mod prepared_gait;
+mod progress;
 mod ramp;
 pub mod setting;
 mod transition;
@@ -46,7 +51,10 @@ mod watch;
 /// A joint that has moved by less than this has stood still, rad.
 const STILL_RAD: f64 = 0.02;
 
+pub use body_pose::{BodyPose, BodyPoseAnswer};
+pub use body_range::BodyRange;
 pub use config::{Config, ConfigError, DriveMode, Posture};
+pub use contact::{ContactEstimator, Contacts};
 pub use controller::Controller;
 pub use interface::{DampingReason, Input, MAX_REQUESTS, Output, Request};
 // What the interface is made of.

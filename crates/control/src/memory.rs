@@ -1,5 +1,6 @@
 //! What a controller remembers from one step to the next: the parts' own memories, and nothing else.
 
+use crate::body_pose::Body;
 use crate::day::{Day, Heed};
 use crate::gait_clock::{GaitClock, Offset};
 use crate::law::Law;
@@ -129,6 +130,7 @@ impl From<SnapshotVersion1> for Snapshot {
                 pending: old.pending,
                 step_index: old.step_index,
                 step_phase: old.step_phase,
+                body: Body::NEUTRAL,
             },
             law: Law::Paper,
             estimate: Estimator::WAITING,

@@ -1,9 +1,11 @@
 //! What is held or moved to: ramps from posture to posture, and the gait.
 
+use crate::body_pose::Body;
 use crate::gait_clock::{GaitClock, Growth, Offset};
 use crate::law::{Law, grown};
 use crate::lift::Lift;
 use crate::postures::{folded, posture, posture_duration_s};
+use crate::progress::Progress;
 use crate::ramp::Ramp;
 use crate::{Config, Event, JOINTS, JointCommand, JointState, Mode, PreparedGait};
 use gait::StepSide;
@@ -22,6 +24,9 @@ pub(crate) struct Motion {
     pub pending: Option<PreparedGait>,
     pub step_index: u64,
     pub step_phase: f64,
+    /// Moved while it stands; else neutral.
+    #[serde(default)]
+    pub body: Body,
 }
 
 /// Which motion.
@@ -50,25 +55,10 @@ pub(crate) enum Then {
     Fold,
     /// Let go.
     LetGo,
+    /// Start to walk, as soon as the body is back in the posture.
+    Start,
     /// The mode's posture is reached.
     Done,
-}
-
-/// What time brought.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) enum Progress {
-    /// Nothing more in this cycle.
-    Nothing,
-    /// Another motion: it is to be followed too.
-    GoesOn,
-    /// The posture of the mode is reached.
-    PostureReached,
-    /// It stands, and this event begins a walk.
-    MayWalk(Event),
-    /// A step ended that was the last one.
-    SwitchReached,
-    /// A step ended, and the gait that waits cannot be taken there.
-    GaitIsFar,
 }
 
 /// What the motion expects of the joints.
@@ -87,7 +77,8 @@ impl Expected {
 
 impl Motion {
     /// No motion and no gait.
-    pub const NONE: Self = Self { course: Course::None, gait: None, pending: None, step_index: 0, step_phase: 0.0 };
+    pub const NONE: Self =
+        Self { course: Course::None, gait: None, pending: None, step_index: 0, step_phase: 0.0, body: Body::NEUTRAL };
 
     /// The gait that is walked next.
     pub fn loaded(&self) -> Option<&PreparedGait> {
@@ -98,13 +89,18 @@ impl Motion {
     pub fn let_go(&mut self) {
         self.course = Course::None;
         self.step_phase = 0.0;
+        self.body = Body::NEUTRAL;
     }
 
     /// What the motion asks for at `now`, before limits.
     pub fn setpoint(&self, law: &Law, config: &Config, now: Duration) -> JointCommand {
         match (&self.course, &self.gait) {
-            (Course::Ramp { ramp, start, .. }, _) => ramp.at(now.saturating_sub(*start).as_secs_f64()),
-            (Course::Lift { lift, start, .. }, _) => lift.at(config, now.saturating_sub(*start).as_secs_f64()),
+            (Course::Ramp { ramp, start, .. }, _) => {
+                self.body.over(config, ramp.at(now.saturating_sub(*start).as_secs_f64()))
+            }
+            (Course::Lift { lift, start, .. }, _) => {
+                self.body.over(config, lift.at(config, now.saturating_sub(*start).as_secs_f64()))
+            }
             (Course::Gait(clock), Some(gait)) => law.reference(gait, &clock.place(config, now)),
             (Course::None, _) | (Course::Gait(_), None) => JointCommand::LIMP,
         }
@@ -306,7 +302,8 @@ impl Motion {
     // ── time ────────────────────────────────────────────────────────────────────────────────────────────────────────
 
     /// In the last `dt_s` the gait's phase ran `rate` times as fast as 1 / T.
-    pub fn run(&mut self, rate: f64, dt_s: f64) {
+    pub fn run(&mut self, config: &Config, rate: f64, dt_s: f64) {
+        self.body.follow(config, dt_s);
         if let Course::Gait(clock) = &mut self.course {
             clock.run(rate, dt_s);
         }
@@ -338,6 +335,8 @@ impl Motion {
                     (Then::Sit, _) => self.sit_down(config, ramp.to, &ramp.to.position_rad, now),
                     (Then::Fold, _) => self.fold(config, ramp.to, now),
                     (Then::LetGo, _) => self.release(config, ramp.to, now),
+                    (Then::Start, _) if self.body.is_neutral() => self.start(config, ramp.to, now),
+                    (Then::Start, _) => return Progress::Nothing,
                     // A gait that came meanwhile: blend on to its first posture.
                     (Then::Done, Mode::Starting) if self.pending.is_some() => {
                         self.start(config, self.setpoint(law, config, now), now);

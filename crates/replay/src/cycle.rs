@@ -4,20 +4,20 @@ use std::borrow::Cow;
 use std::time::Duration;
 
 use bag::{BagError, BagTopic, from_cdr};
-use control::{InertialState, Tilt, Velocity, VelocityCommand};
+use control::{BodyPose, InertialState, Tilt, Velocity, VelocityCommand};
 use tandem_msgs::{ControlCycle, ControllerState};
 
-/// Groups of fields that were added at the message's end, in order: by one of its fields' name, how many lists follow a
-/// flag.
-const ADDED: [(&str, usize); 2] = [("inertial_age_ns", 4), ("velocity_age_ns", 2)];
+/// Groups of fields that were added at the message's end, in order: by one of its fields' name, how many flags of a
+/// byte it begins with, and how many lists follow.
+const ADDED: [(&str, usize, usize); 3] = [("inertial_age_ns", 1, 4), ("velocity_age_ns", 1, 2), ("body_pose", 0, 1)];
 
 /// A recorded cycle. What an older message does not say is empty.
 pub(crate) fn control_cycle(topic: &BagTopic, data: &[u8]) -> Result<ControlCycle, BagError> {
     let mut whole = Cow::Borrowed(data);
-    for (field, lists) in ADDED {
+    for (field, flags, lists) in ADDED {
         if topic.definition.as_deref().is_some_and(|definition| !definition.contains(field)) {
-            // A flag of one byte, and lengths of 0, which are aligned to 4 after the 4 bytes of the encapsulation.
-            let length = (whole.len() + 1).next_multiple_of(4) + 4 * lists;
+            // Flags, and lengths of 0, which are aligned to 4 after the 4 bytes of the encapsulation.
+            let length = (whole.len() + flags).next_multiple_of(4) + 4 * lists;
             whole.to_mut().resize(length, 0);
         }
     }
@@ -89,6 +89,11 @@ pub(crate) fn velocity_command(
         }
         (ages, _) => Err(format!("velocity_age_ns has {} entries; expected as many commands as there are", ages.len())),
     }
+}
+
+/// The pose of the body that the cycle was asked for.
+pub(crate) fn body_pose(cycle: &ControlCycle) -> Result<Option<BodyPose>, String> {
+    Ok(some_array("body_pose", &cycle.body_pose)?.map(BodyPose::of))
 }
 
 fn some_array<const N: usize>(name: &str, values: &[f64]) -> Result<Option<[f64; N]>, String> {

@@ -13,7 +13,7 @@ use tandem_msgs::sensor_msgs::JointState;
 use tandem_msgs::{ControlCycle, JointCommand};
 
 use crate::ReplayError;
-use crate::cycle::{before, control_cycle, inertial_state, velocity_command};
+use crate::cycle::{before, body_pose, control_cycle, inertial_state, velocity_command};
 
 /// A command that came out differently.
 #[derive(Clone, Debug, PartialEq)]
@@ -191,8 +191,8 @@ impl Player {
                 Some(PreparedGait::new(gait, config).map_err(|error| error.to_string())?)
             }
         };
-        self.inertial = inertial_state(cycle, self.inertial)?;
-        self.velocity = velocity_command(cycle, self.velocity)?;
+        (self.inertial, self.velocity) =
+            (inertial_state(cycle, self.inertial)?, velocity_command(cycle, self.velocity)?);
         let fault = if cycle.fault.is_empty() {
             None
         } else {
@@ -205,13 +205,13 @@ impl Player {
             joints: joints.as_ref(),
             inertial: self.inertial,
             velocity: self.velocity,
+            body_pose: body_pose(cycle)?,
             requests: &requests,
             gait: gait.as_ref(),
             emergency_stop: cycle.emergency_stop,
             fault,
         };
-        let stamp = &cycle.header.stamp;
-        let now = Duration::new(u64::try_from(stamp.sec).map_err(|_| "a negative time")?, stamp.nanosec);
+        let now = before(cycle, 0)?;
         let output = controller.step(&input, now);
         let computed = &output.command;
         let found = |joint: usize, what: &'static str, recorded: f64, computed: f64| Difference {

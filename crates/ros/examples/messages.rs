@@ -8,10 +8,10 @@ use std::io::{BufRead, Read, Write};
 
 use byteorder::LittleEndian;
 use tandem_msgs::{
-    Action, Claim, ClearFault, ControlCycle, ControllerState, Field, Gait, GenerateGait, GenerateGaitAction,
-    JointCommand, JointDiagnostics, LoadGait, Message, Service, SolverReport, StartRecording, StopRecording, TypeHash,
-    action_msgs, builtin_interfaces, diagnostic_msgs, geometry_msgs, lifecycle_msgs, nav_msgs, rcl_interfaces,
-    rosgraph_msgs, sensor_msgs, std_msgs, std_srvs, unique_identifier_msgs, visualization_msgs,
+    Action, Claim, ClearFault, ControlCycle, ControllerState, Field, FootContacts, Gait, GenerateGait,
+    GenerateGaitAction, JointCommand, JointDiagnostics, LoadGait, Message, Service, SolverReport, StartRecording,
+    StopRecording, TypeHash, action_msgs, builtin_interfaces, diagnostic_msgs, geometry_msgs, lifecycle_msgs, nav_msgs,
+    rcl_interfaces, rosgraph_msgs, sensor_msgs, std_msgs, std_srvs, unique_identifier_msgs, visualization_msgs,
 };
 
 /// Decodes and encodes again.
@@ -120,6 +120,7 @@ fn types() -> Types {
         action_msgs::GoalInfo,
         action_msgs::GoalStatus,
         action_msgs::GoalStatusArray,
+        FootContacts,
         JointCommand,
         JointDiagnostics,
         SolverReport,

@@ -379,6 +379,7 @@ fn sensed_part(
     age_ns: impl Fn(Duration) -> i64,
 ) -> ControlCycle {
     let unit = inertial_part(input.inertial.as_ref(), last_unit, &age_ns);
+    let unit = ControlCycle { body_pose: input.body_pose.map_or(Vec::new(), |pose| pose.numbers().into()), ..unit };
     let Some(command) = &input.velocity else { return unit };
     let numbers = |command: &VelocityCommand| {
         let Velocity { forward_m_s, left_m_s, yaw_rad_s } = command.velocity;

@@ -64,8 +64,7 @@ pub fn run(arguments: &Arguments) -> Result<ExitCode> {
 
 fn check(name: &str, picture: Option<&Path>, as_json: bool) -> Result<()> {
     output::reserve(picture);
-    let folder = robots::folder(name);
-    let robot = Robot::load(&folder).with_context(|| format!("robot \"{name}\""))?;
+    let robot = robots::load(name)?;
     let mut simulator = simulator(&robot)?;
     if as_json {
         output::json(&facts(&robot, &simulator, picture))?;

@@ -1,6 +1,6 @@
 //! Where the robots' folders are.
 
-use anyhow::{Context, Result};
+use anyhow::{Context, Result, ensure};
 use robot::Robot;
 use std::path::{Path, PathBuf};
 
@@ -15,8 +15,7 @@ pub struct RobotArguments {
 impl RobotArguments {
     /// Opens the robot's folder.
     pub fn load(&self) -> Result<Robot> {
-        let folder = folder(&self.robot);
-        let robot = Robot::load(&folder).with_context(|| format!("robot \"{}\"", self.robot))?;
+        let robot = load(&self.robot)?;
         for note in &robot.notes {
             note!("tandem: robot \"{}\": {note}", self.robot);
         }
@@ -24,8 +23,25 @@ impl RobotArguments {
     }
 }
 
+/// The sources that this program was built from: what `cargo install` leaves behind finds robots, requests and gaits
+/// there.
+const SOURCES: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/../..");
+
+/// Opens a robot's folder.
+pub fn load(robot: &str) -> Result<Robot> {
+    let folder = folder(robot);
+    ensure!(
+        folder.exists(),
+        "robot \"{robot}\": {} is neither here, nor above the program, nor in the sources that it was built from: give the \
+         path of the robot's folder, or name the folder that has `robots` in it by TANDEM_CONFIG",
+        folder.display()
+    );
+    Robot::load(&folder).with_context(|| format!("robot \"{robot}\""))
+}
+
 /// A file that is read: as it is given or, where it is not there, below `TANDEM_CONFIG`'s folder (for what begins with
-/// `config/`) or a folder above the program. The same for every option that names one.
+/// `config/`), a folder above the program, or the sources that it was built from. The same for every option that names
+/// one.
 pub fn file(given: &Path) -> PathBuf {
     if given.exists() || given.is_absolute() {
         return given.into();
@@ -33,7 +49,9 @@ pub fn file(given: &Path) -> PathBuf {
     let config = std::env::var_os("TANDEM_CONFIG");
     let chosen = config.zip(given.strip_prefix("config").ok()).map(|(config, rest)| Path::new(&config).join(rest));
     // Where none exists, opening the given one gives the error that a person expects.
-    chosen.filter(|file| file.exists()).or_else(|| robot::find(given).ok()).unwrap_or_else(|| given.into())
+    let in_sources = || Some(Path::new(SOURCES).join(given)).filter(|file| file.exists());
+    let found = chosen.filter(|file| file.exists()).or_else(|| robot::find(given).ok()).or_else(in_sources);
+    found.unwrap_or_else(|| given.into())
 }
 
 /// A path, searched as every file; a bare name in the configuration folder: `TANDEM_CONFIG`, or `config` here or above

@@ -176,6 +176,25 @@ fn relative_paths_are_searched_alike_for_every_option() {
     place.succeeds("TANDEM_CONFIG=mine tandem simulate amble.json --seconds 0.2 --bus config/hardware/only_mine.toml");
 }
 
+/// As `cargo install` leaves it: the program alone, far from the clone that it was built from and from where it is
+/// called.
+#[test]
+fn a_program_that_stands_elsewhere_finds_mujoco_and_the_robots_of_its_clone() {
+    let place = Place::new();
+    place.succeeds(&format!("mkdir -p root/bin empty && cp {} root/bin/tandem", env!("CARGO_BIN_EXE_tandem")));
+    for line in [
+        "plan amble -o amble.json",
+        "simulate amble.json --seconds 0.2 --bus config/hardware/vision60_can.toml",
+        "robot check",
+        "bag verify ../out/run",
+    ] {
+        place.succeeds(&format!("cd empty && ../root/bin/tandem {line}"));
+    }
+    let output = place.shell("cd empty && ../root/bin/tandem plan amble --robot nobody").output().unwrap();
+    let errors = String::from_utf8_lossy(&output.stderr);
+    assert!(!output.status.success() && errors.contains("TANDEM_CONFIG"), "{errors}");
+}
+
 #[test]
 fn a_plan_that_eleven_points_cannot_hold_says_how_many_it_took_and_is_verified() {
     let place = Place::new();

@@ -1,5 +1,6 @@
 //! The control thread: read, step, write. Between its start and its end it takes no lock, allocates nothing, and logs nothing.
 
+use crate::body_pose::BodyPoses;
 use crate::dds_bus::DdsBus;
 use crate::emergency_stop::EmergencyStop;
 use crate::recording::CycleLog;
@@ -113,6 +114,8 @@ pub struct Cycle {
     pub inertial: Consumer<TimedInertial>,
     /// Velocities that are asked for, in.
     pub velocities: Consumer<TimedVelocity>,
+    /// Poses of the body in.
+    pub body_poses: BodyPoses,
     /// Requests in.
     pub asked: Consumer<Asked>,
     /// Gaits in, numbered from 1.
@@ -180,6 +183,7 @@ impl Cycle {
             joints: state.as_ref(),
             inertial,
             velocity: memory.velocity,
+            body_pose: self.body_poses.newest(wall, memory.lockstep),
             requests: &requests[..count],
             gait: gait.as_ref(),
             // Each is asked: a press that one cycle has seen is not kept for the next.
@@ -275,7 +279,8 @@ impl Cycle {
                 let state = readings.joint_state();
                 let effort_nm = readings.torque_told.then_some(readings.torque_nm);
                 let fault = bus.fault(stamp);
-                let measured = Measured { state: state.as_ref(), effort_nm, fault, ..Measured::default() };
+                let (state, readings) = (state.as_ref(), Some(readings));
+                let measured = Measured { state, effort_nm, fault, readings, ..Measured::default() };
                 let output = self.step(&mut memory, &measured, stamp, monotonic_now(), false);
                 bus.write(&output.command, output.drives_on, stamp);
                 self.publishers.unpark();

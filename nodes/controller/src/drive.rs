@@ -8,12 +8,12 @@ use control::{Config, Velocity};
 use realtime::monotonic_now;
 use robot::{Robot, RobotError};
 use ros::{Node, Qos, RosError};
-use rtrb::Producer;
+use rtrb::{Consumer, RingBuffer};
 use std::sync::Arc;
 use tandem_msgs::geometry_msgs::{Twist, TwistStamped};
 
 /// Velocities that may wait for the cycle, which takes the newest.
-pub const DEPTH: usize = 64;
+const DEPTH: usize = 64;
 
 /// What the parameters say of balance and driving.
 #[derive(Clone, Debug)]
@@ -59,18 +59,14 @@ impl DriveParameters {
         Ok(Config { balance, ..config })
     }
 
-    /// Subscribes to `cmd_vel`, where it is to be obeyed.
+    /// Subscribes to `cmd_vel`, where it is to be obeyed; the cycle's end of what it asks for.
     ///
     /// # Errors
     /// What the middleware refuses.
-    pub fn listen(
-        &self,
-        node: &Node,
-        mut velocities: Producer<TimedVelocity>,
-        problems: Arc<InputProblems>,
-    ) -> Result<(), RosError> {
+    pub fn listen(&self, node: &Node, problems: Arc<InputProblems>) -> Result<Consumer<TimedVelocity>, RosError> {
+        let (mut velocities, consumer) = RingBuffer::new(DEPTH);
         if !self.balance {
-            return Ok(());
+            return Ok(consumer);
         }
         let mut take = move |twist: &Twist| {
             let velocity =
@@ -90,9 +86,10 @@ impl DriveParameters {
         // Whoever publishes best effort or reliably is received.
         let qos = Qos::best_effort(10);
         if self.stamped {
-            node.subscribe("cmd_vel", qos, move |message: TwistStamped| take(&message.twist))
+            node.subscribe("cmd_vel", qos, move |message: TwistStamped| take(&message.twist))?;
         } else {
-            node.subscribe("cmd_vel", qos, move |message: Twist| take(&message))
+            node.subscribe("cmd_vel", qos, move |message: Twist| take(&message))?;
         }
+        Ok(consumer)
     }
 }

@@ -23,10 +23,12 @@ pub enum Topic {
     Imu,
     /// `cmd_vel`.
     CmdVel,
+    /// `body_pose`.
+    BodyPose,
 }
 
 impl Topic {
-    const ALL: [Self; 3] = [Self::JointStates, Self::Imu, Self::CmdVel];
+    const ALL: [Self; 4] = [Self::JointStates, Self::Imu, Self::CmdVel, Self::BodyPose];
 
     /// Its name, relative to the node's namespace.
     pub fn name(self) -> &'static str {
@@ -34,6 +36,7 @@ impl Topic {
             Self::JointStates => "joint_states",
             Self::Imu => "imu",
             Self::CmdVel => "cmd_vel",
+            Self::BodyPose => "body_pose",
         }
     }
 }
@@ -71,8 +74,18 @@ impl InputProblems {
 
     /// What is wrong at monotonic time `wall`, in one line; empty where nothing is.
     pub fn current(&self, wall: Duration) -> String {
+        self.of(&Topic::ALL, wall)
+    }
+
+    /// The same of what keeps a robot from being armed, from standing up and from walking: a pose of the body that is
+    /// not heeded does not.
+    pub fn hindering(&self, wall: Duration) -> String {
+        self.of(&[Topic::JointStates, Topic::Imu, Topic::CmdVel], wall)
+    }
+
+    fn of(&self, topics: &[Topic], wall: Duration) -> String {
         let problems = self.problems.lock().unwrap_or_else(PoisonError::into_inner);
-        let current = Topic::ALL.into_iter().filter_map(|topic| {
+        let current = topics.iter().filter_map(|&topic| {
             let problem = &problems[topic as usize];
             let is_current = problem.last.is_some_and(|last| wall.saturating_sub(last) < MEMORY);
             is_current.then(|| format!("{}: {}", topic.name(), problem.text))
@@ -205,5 +218,11 @@ mod tests {
         assert_eq!(problems.current(2 * MEMORY), "");
         problems.is_fine(Topic::JointStates);
         assert_eq!(problems.current(2 * MS), "imu: upside down");
+        problems.is_fine(Topic::Imu);
+        problems.note(Topic::BodyPose, "refused".into(), MS);
+        assert_eq!(
+            (problems.current(2 * MS).as_str(), problems.hindering(2 * MS).as_str()),
+            ("body_pose: refused", "")
+        );
     }
 }

@@ -15,12 +15,14 @@
 //!
 //! [`ports`] is the one place where messages and the controller's own types meet.
 
+pub mod body_pose;
 pub mod config;
 pub mod cycle;
 pub mod dds_bus;
 pub mod drive;
 pub mod drive_reports;
 pub mod emergency_stop;
+pub mod foot_contacts;
 pub mod inputs;
 pub mod lease;
 pub mod messages;

@@ -1,8 +1,10 @@
 //! The thread that publishes the cycle's output.
 
+use crate::body_pose;
 use crate::cycle::CycleOutput;
 use crate::dds_bus::{CommandPublisher, OFFERED};
 use crate::drive_reports::DriveReports;
+use crate::foot_contacts::FootContactsPublisher;
 use crate::inputs::InputProblems;
 use crate::odometry::{self, Odometer};
 use crate::ports;
@@ -46,6 +48,7 @@ pub struct Publishers {
     recording: Arc<Recording>,
     problems: Arc<InputProblems>,
     odometer: Option<Odometer>,
+    foot_contacts: Option<FootContactsPublisher>,
     /// Publishers that hang send no commands and no states.
     pulse: Pulse,
 }
@@ -85,14 +88,15 @@ impl Publishers {
             recording,
             problems,
             odometer: None,
+            foot_contacts: None,
             pulse: node.stop().health().watch(),
         })
     }
 
-    /// Publishes the estimate of the base too.
+    /// Publishes the estimates of the base and of the feet too.
     #[must_use]
-    pub fn with_odometry(self, odometer: Option<Odometer>) -> Self {
-        Self { odometer, ..self }
+    pub fn with_estimates(self, odometer: Option<Odometer>, foot_contacts: Option<FootContactsPublisher>) -> Self {
+        Self { odometer, foot_contacts, ..self }
     }
 
     /// Publishes until `cycle_ended`, and every output until then.
@@ -136,9 +140,10 @@ impl Publishers {
             let sent = port.publish(ports::joint_states(readings, &self.joint_names, answered));
             self.note(sent);
         }
-        if let Some(sent) = self.odometer.as_ref().map(|odometer| odometer.print(output)) {
-            self.note(sent);
-        }
+        let odometry = self.odometer.as_ref().map(|odometer| odometer.print(output));
+        let contacts = self.foot_contacts.as_mut().map(|contacts| contacts.follow(cycle));
+        [odometry, contacts].into_iter().flatten().for_each(|sent| self.note(sent));
+        body_pose::note_answer(output, &self.problems);
         let changed = self.last.mode != Some(output.mode) || self.last.report != output.report;
         self.log(cycle);
         self.last.mode = Some(output.mode);
@@ -246,6 +251,7 @@ impl Publishers {
             value("cycles_without_new_state", output.stale_inputs.to_string()),
             value("publish_failures", self.publish_failures.to_string()),
             value("claimed_by", claimed_by),
+            value("body_pose", body_pose::shown(output)),
         ];
         for (what, quantiles) in [
             ("latency", timing.latency),

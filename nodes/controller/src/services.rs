@@ -136,7 +136,7 @@ impl Services {
         }
         // What the cycle cannot know, and what it would only call missing.
         if matches!(request, Request::Arm | Request::Stand | Request::Walk) {
-            let problem = self.problems.current(monotonic_now());
+            let problem = self.problems.hindering(monotonic_now());
             if !problem.is_empty() {
                 return (false, format!("refused: {problem}"));
             }

@@ -2,11 +2,12 @@
 //! disarmed as under the emergency stop; active, requests are granted. Activating arms nothing. Deactivating lets a
 //! walk come to rest first.
 
+use crate::body_pose::BodyPoses;
 use crate::config::{Pace, Parameters};
 use crate::cycle::{Cycle, Middleware};
 use crate::dds_bus::{self, CommandPublisher, CycleClock, DEPTH, DdsBus};
-use crate::drive;
 use crate::emergency_stop::EmergencyStop;
+use crate::foot_contacts::FootContactsPublisher;
 use crate::inputs::InputProblems;
 use crate::odometry::Odometer;
 use crate::others::OtherPublishers;
@@ -140,11 +141,9 @@ impl Work {
         // Nothing may be lost between two processes that wait for each other; else only the newest counts, and nobody
         // is to send an old one again.
         let fast = if lockstep { dds_bus::OFFERED } else { Qos::best_effort(1) };
-
         let (states_in, states) = RingBuffer::new(DEPTH);
         let (commands_in, commands) = RingBuffer::new(DEPTH);
         let (inertial_in, inertial) = RingBuffer::new(64);
-        let (velocities_in, velocities) = RingBuffer::new(drive::DEPTH);
         let (asked_in, asked) = RingBuffer::new(64);
         let (gaits_in, gaits) = RingBuffer::new(16);
         let (outputs_in, outputs) = RingBuffer::new(1024);
@@ -177,13 +176,14 @@ impl Work {
         let commands_out =
             (!on_bus).then(|| CommandPublisher::new(&node, joint_names.clone(), commands, lockstep)).transpose()?;
         let every = (parameters.state_every, parameters.joint_states_every);
-        parameters.drive.listen(&node, velocities_in, Arc::clone(&problems))?;
+        let velocities = parameters.drive.listen(&node, Arc::clone(&problems))?;
+        let body_poses = BodyPoses::listen(&node, Arc::clone(&problems))?;
         let odometry_every =
             (1.0 / (parameters.drive.odometry_rate_hz * config.control_period_s)).round().max(1.0) as u64;
         let odometer = Odometer::new(&node, &config, &parameters.drive.frame_prefix, odometry_every, on_bus)?;
         let publishers =
             Publishers::new(&node, joint_names.clone(), every, commands_out, Arc::clone(&recording), problems)?
-                .with_odometry(odometer);
+                .with_estimates(odometer, FootContactsPublisher::new(&node, &robot, parameters.state_every)?);
         let writer = std::thread::Builder::new().name("recording".into()).spawn(move || writer.run())?;
         if parameters.record_every_run
             // The robot walks without its recording; the fault stands in diagnostics until one begins.
@@ -202,6 +202,7 @@ impl Work {
             controller,
             inertial,
             velocities,
+            body_poses,
             asked,
             gaits,
             emergency_stop: Arc::clone(&emergency_stop),

@@ -14,6 +14,7 @@ use std::process::{Command, Stdio};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::time::{Duration, Instant};
+use tandem_controller::body_pose::BodyPoses;
 use tandem_controller::cycle::{Cycle, Middleware};
 use tandem_controller::dds_bus::{CycleClock, DEPTH, DdsBus};
 use tandem_controller::emergency_stop::EmergencyStop;
@@ -158,6 +159,11 @@ fn bus_config(robot: &Robot, config: &Config) -> BusConfig {
     BusConfig { ask_before_arming: true, ..wiring }
 }
 
+fn both_ends() -> [Arc<Seen>; 2] {
+    let seen = Arc::<Seen>::default();
+    [Arc::clone(&seen), seen]
+}
+
 /// The process that is to end by itself: walks, then breaks the middleware.
 fn walk_and_break(bus: &str, how: &str, timeout: Duration) {
     let begun = Instant::now();
@@ -188,6 +194,7 @@ fn walk_and_break(bus: &str, how: &str, timeout: Duration) {
         controller: Controller::new(config.clone()).unwrap(),
         inertial,
         velocities: RingBuffer::new(1).1,
+        body_poses: BodyPoses::default(),
         asked,
         gaits: gaits_out,
         emergency_stop: Arc::new(EmergencyStop::new(None)),
@@ -198,9 +205,8 @@ fn walk_and_break(bus: &str, how: &str, timeout: Duration) {
         publishers: std::thread::current(),
         start_on_gait: true,
     };
-    let seen = Arc::new(Seen::default());
     let (q, v) = (gait.initial.joint_position_rad, gait.initial.joint_velocity_rad_s);
-    let observer = Arc::clone(&seen);
+    let [seen, observer] = both_ends();
     let realtime = RealtimeRequest { priority: Some(80), ..RealtimeRequest::default() };
     if bus == "can" {
         let config = bus_config(&robot, &config);

@@ -70,6 +70,7 @@ pub fn config() -> Config {
         over_temperature_c: 95.0,
         rest_velocity_rad_s: 1.0,
         legs: None,
+        body_range: Default::default(),
         balance: None,
     }
 }

@@ -2,7 +2,7 @@
 #![allow(dead_code)]
 
 use control::balanced::BalanceConfig;
-use control::{Config, Controller, Input, JointState, Mode, Output, PreparedGait, Request};
+use control::{BodyPose, Config, Controller, Input, JointState, Mode, Output, PreparedGait, Request};
 use gait::Gait;
 use gait_design::{GaitRequest, PlanOptions};
 use robot::Robot;
@@ -59,6 +59,8 @@ pub struct Day {
     /// Largest distance of a joint from its command while it was held, rad, and largest tilt, rad.
     pub error_rad: f64,
     pub tilt_rad: f64,
+    /// Asked for in the next cycle.
+    pub body_pose: Option<BodyPose>,
 }
 
 impl Day {
@@ -67,7 +69,7 @@ impl Day {
         let mut simulator = Simulator::new(&shelf.robot, options).unwrap();
         simulator.reset_to_posture(Posture::Sit);
         let controller = Controller::new(shelf.config.clone()).unwrap();
-        Self { title, controller, simulator, now: Duration::ZERO, error_rad: 0.0, tilt_rad: 0.0 }
+        Self { title, controller, simulator, now: Duration::ZERO, error_rad: 0.0, tilt_rad: 0.0, body_pose: None }
     }
 
     /// On a gait at its first instant.
@@ -95,7 +97,8 @@ impl Day {
         .to_resolution();
         let [roll_rad, pitch_rad, _] = self.simulator.state().roll_pitch_yaw();
         let inertial = Some(self.simulator.inertial_state(self.now).to_resolution());
-        let input = Input { joints: Some(&joints), inertial, requests, gait, ..Input::default() };
+        let body_pose = self.body_pose.take();
+        let input = Input { joints: Some(&joints), inertial, requests, gait, body_pose, ..Input::default() };
         let output = self.controller.step(&input, self.now);
         assert!(output.faults.is_empty(), "{}, {:?}, {:?}: {:?}", self.title, self.now, output.mode, output.report);
         for reply in output.replies.iter().flatten() {

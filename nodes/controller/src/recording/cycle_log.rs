@@ -13,6 +13,7 @@ pub struct LoggedCycle {
     pub(super) now: Duration,
     pub(super) joints: Option<JointState>,
     pub(super) sensed: (Option<InertialState>, Option<control::VelocityCommand>),
+    pub(super) body_pose: Option<control::BodyPose>,
     pub(super) requests: [Request; MAX_REQUESTS],
     pub(super) request_count: usize,
     /// Number of the gait that arrived, as the services count them; 0: none did.
@@ -71,6 +72,7 @@ impl CycleLog {
             now,
             joints: input.joints.copied(),
             sensed: (input.inertial, input.velocity),
+            body_pose: input.body_pose,
             requests,
             request_count,
             gait,

@@ -272,6 +272,7 @@ impl Run {
             joints: cycle.joints.as_ref(),
             inertial: cycle.sensed.0,
             velocity: cycle.sensed.1,
+            body_pose: cycle.body_pose,
             requests: &cycle.requests[..cycle.request_count],
             gait: arrived.map(|(_, prepared)| prepared),
             emergency_stop: cycle.emergency_stop,
