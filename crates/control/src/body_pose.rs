@@ -146,9 +146,11 @@ impl Body {
             moved(legs, &held.position_rad, &pose).0
         };
         let (before, after) = (at(-DIFFERENCE_S), at(DIFFERENCE_S));
+        let position_rad = at(0.0);
         JointCommand {
-            position_rad: at(0.0),
+            position_rad,
             velocity_rad_s: std::array::from_fn(|j| (after[j] - before[j]) / (2.0 * DIFFERENCE_S)),
+            torque_nm: carried(legs, &held, &position_rad, &world_from_body(&self.pose)),
             ..held
         }
     }
@@ -165,10 +167,34 @@ fn is_reached(config: &Config, legs: &[LegKinematics; LEGS], held_rad: &[f64; JO
     !limited && (0..JOINTS).all(inside)
 }
 
+/// The moved body's axes in the held posture's.
+fn world_from_body(pose: &[f64; 4]) -> Rotation3<f64> {
+    Rotation3::from_euler_angles(pose[1], pose[2], pose[3])
+}
+
+/// Torques that press each toe on the ground as the held posture's do, τ = J(q)ᵀ Rᵀ f with J(q₀)ᵀ f = τ₀, N m. Where a
+/// leg is straight that force is not known: the posture's own torques.
+fn carried(
+    legs: &[LegKinematics; LEGS],
+    held: &JointCommand,
+    position_rad: &[f64; JOINTS],
+    world_from_body: &Rotation3<f64>,
+) -> [f64; JOINTS] {
+    let mut torque_nm = held.torque_nm;
+    for (leg, kinematics) in legs.iter().enumerate() {
+        let held_nm = Vector3::from(of_leg(&held.torque_nm, leg));
+        let from_held = kinematics.toe(&of_leg(&held.position_rad, leg)).jacobian.transpose().lu();
+        let Some(force_n) = from_held.solve(&held_nm) else { continue };
+        let jacobian = kinematics.toe(&of_leg(position_rad, leg)).jacobian;
+        let moved_nm = jacobian.tr_mul(&(world_from_body.inverse() * force_n));
+        torque_nm[leg * JOINTS_PER_LEG..][..JOINTS_PER_LEG].copy_from_slice(moved_nm.as_slice());
+    }
+    torque_nm
+}
+
 /// Joint positions that put the body there over the toes of the held posture, rad; and whether a leg does not reach.
 fn moved(legs: &[LegKinematics; LEGS], held_rad: &[f64; JOINTS], pose: &[f64; 4]) -> ([f64; JOINTS], bool) {
-    let [height_m, roll_rad, pitch_rad, yaw_rad] = *pose;
-    let world_from_body = Rotation3::from_euler_angles(roll_rad, pitch_rad, yaw_rad);
+    let (height_m, world_from_body) = (pose[0], world_from_body(pose));
     let (mut joints_rad, mut limited) = (*held_rad, false);
     for (leg, kinematics) in legs.iter().enumerate() {
         let toe_m = kinematics.toe_m(&of_leg(held_rad, leg));

@@ -30,7 +30,8 @@ fn the_body_goes_where_it_is_asked_over_feet_that_stay() {
     let shelf = Shelf::new();
     let mut day = standing(&shelf);
     let (level, height_m) = height_and_tilt(&day);
-    let feet_m = toes_m(&day);
+    // The simulator's soft contacts let standing feet creep, by 2 cm in this time: beside a robot that only stands.
+    let mut still = standing(&shelf);
     let (mut worst_rad, mut worst_m, mut slid_m) = (0.0_f64, 0.0_f64, 0.0_f64);
     for corner in 0..16 {
         let sign = |bit: usize| if corner >> bit & 1 == 1 { 1.0 } else { -1.0 };
@@ -45,8 +46,9 @@ fn the_body_goes_where_it_is_asked_over_feet_that_stay() {
             worst_rad = worst_rad.max((tilt[k] - level[k] - asked_rad[k]).abs());
         }
         worst_m = worst_m.max((now_m - height_m - asked.height_m).abs());
-        for (now, before) in toes_m(&day).iter().zip(&feet_m) {
-            slid_m = slid_m.max((now[0] - before[0]).hypot(now[1] - before[1]));
+        still.run(3.0);
+        for (moved, left) in toes_m(&day).iter().zip(&toes_m(&still)) {
+            slid_m = slid_m.max((moved[0] - left[0]).hypot(moved[1] - left[1]));
         }
     }
     println!("angles within {worst_rad:.4} rad, height within {worst_m:.4} m, feet within {slid_m:.4} m");
