@@ -75,9 +75,9 @@ class Process:
             raise AssertionError(f"{self.process.args[0]} did not end within {seconds} s; its log:\n{self.text()}") from None
 
 
-@pytest.fixture(scope="session")
+@pytest.fixture(scope="module")
 def processes(tmp_path_factory):
-    """Starts processes; all are ended at the end of the session."""
+    """Starts processes; all are ended after the file's last test: a dozen idle nodes would take a processor from the tests to come."""
     started = []
     folder = tmp_path_factory.mktemp("logs")
 
