@@ -1,6 +1,7 @@
 //! The body's posture while the robot stands: height, roll, pitch and yaw against the posture that it holds, over feet
 //! that stay where they are.
 
+use crate::contact::toe_force_n;
 use crate::{Config, JOINTS, JointCommand, of_leg};
 use gait::{JOINTS_PER_LEG, LEGS};
 use nalgebra::{Rotation3, Vector3};
@@ -172,8 +173,8 @@ fn world_from_body(pose: &[f64; 4]) -> Rotation3<f64> {
     Rotation3::from_euler_angles(pose[1], pose[2], pose[3])
 }
 
-/// Torques that press each toe on the ground as the held posture's do, τ = J(q)ᵀ Rᵀ f with J(q₀)ᵀ f = τ₀, N m. Where a
-/// leg is straight that force is not known: the posture's own torques.
+/// Torques that press each toe on the ground as the held posture's do, N m: these and what J(q)ᵀ Rᵀ f has more than
+/// J(q₀)ᵀ f, where f is the toe's force in the held posture.
 fn carried(
     legs: &[LegKinematics; LEGS],
     held: &JointCommand,
@@ -182,12 +183,13 @@ fn carried(
 ) -> [f64; JOINTS] {
     let mut torque_nm = held.torque_nm;
     for (leg, kinematics) in legs.iter().enumerate() {
-        let held_nm = Vector3::from(of_leg(&held.torque_nm, leg));
-        let from_held = kinematics.toe(&of_leg(&held.position_rad, leg)).jacobian.transpose().lu();
-        let Some(force_n) = from_held.solve(&held_nm) else { continue };
-        let jacobian = kinematics.toe(&of_leg(position_rad, leg)).jacobian;
-        let moved_nm = jacobian.tr_mul(&(world_from_body.inverse() * force_n));
-        torque_nm[leg * JOINTS_PER_LEG..][..JOINTS_PER_LEG].copy_from_slice(moved_nm.as_slice());
+        let jacobian = |positions_rad: &[f64; JOINTS]| kinematics.toe(&of_leg(positions_rad, leg)).jacobian;
+        let (here, there) = (jacobian(&held.position_rad), jacobian(position_rad));
+        let force_n = toe_force_n(&here, &of_leg(&held.torque_nm, leg).into());
+        let more_nm = there.tr_mul(&(world_from_body.inverse() * force_n)) - here.tr_mul(&force_n);
+        for k in 0..JOINTS_PER_LEG {
+            torque_nm[leg * JOINTS_PER_LEG + k] += more_nm[k];
+        }
     }
     torque_nm
 }

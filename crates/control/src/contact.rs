@@ -88,8 +88,14 @@ impl ContactEstimator {
         std::array::from_fn(|leg| {
             let jacobian = self.legs[leg].toe(&of_leg(position_rad, leg)).jacobian;
             let by_ground = Vector3::from_fn(|k, _| weight[6 + 3 * leg + k] - torque_nm[3 * leg + k]);
-            let square = jacobian * jacobian.transpose() + Matrix3::identity() * SMALLEST_LEVER_M.powi(2);
-            square.try_inverse().map_or(f64::NAN, |inverse| (inverse * jacobian * by_ground).dot(&up))
+            toe_force_n(&jacobian, &by_ground).dot(&up)
         })
     }
+}
+
+/// The force f on a toe of which joints feel the torques Jᵀ f, N, torso axes.
+pub(crate) fn toe_force_n(jacobian: &Matrix3<f64>, torque_nm: &Vector3<f64>) -> Vector3<f64> {
+    let square = jacobian * jacobian.transpose() + Matrix3::identity() * SMALLEST_LEVER_M.powi(2);
+    // Positive definite, unless something is not a number.
+    square.cholesky().map_or(Vector3::repeat(f64::NAN), |square| square.solve(&(jacobian * torque_nm)))
 }

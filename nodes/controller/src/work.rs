@@ -301,11 +301,11 @@ const LOCK_HOLDERS: [&str; 2] = ["RustDDS discove", PUBLISHERS];
 /// The stop is received through `ros::THREADS`: below the control thread, and beside everything else that the machine
 /// does. Who holds a lock that these wait for comes right after them: an ordinary thread loses its processor meanwhile.
 fn raise_middleware(own: Option<u8>) {
-    let Some(priority) = own.map(|own| MIDDLEWARE_PRIORITY.min(own - 1)).filter(|priority| *priority > 1) else {
-        return;
-    };
-    for (threads, priority) in [(&ros::THREADS, priority), (&LOCK_HOLDERS, priority - 1)] {
-        if let Err(warning) = realtime::raise_threads(threads, priority) {
+    let Some(priority) = own.map(|own| MIDDLEWARE_PRIORITY.min(own - 1)) else { return };
+    for (threads, priority) in [(&ros::THREADS, priority), (&LOCK_HOLDERS, priority.saturating_sub(1))] {
+        if priority > 0
+            && let Err(warning) = realtime::raise_threads(threads, priority)
+        {
             tracing::warn!("the middleware's threads: {warning}");
         }
     }
