@@ -10,10 +10,10 @@ from tandem_msgs.srv import GenerateGait
 class FirstWalk(Node):
     def __init__(self):
         super().__init__("first_walk")
-        self.create_subscription(ControllerState, "controller_state", self.heard, 10)
+        self.create_subscription(ControllerState, "controller_state", self.received, 10)
         self.state = ControllerState()
 
-    def heard(self, state):
+    def received(self, state):
         self.state = state
 
     def call(self, type_, name, **fields):

@@ -1,4 +1,4 @@
-//! Everything that the controller says over random days, as one number: a change of its code that is to change nothing
+//! Every output of the controller over random days, as one number: a change of its code that is to change nothing
 //! is held to that. Where behaviour changes on purpose the number changes with it, and the commit says why.
 
 mod common;
@@ -172,7 +172,7 @@ fn live(seed: u64, digest: &mut Digest) {
 }
 
 #[test]
-fn random_days_say_to_the_bit_what_they_said_before() {
+fn random_days_give_to_the_bit_what_they_gave_before() {
     let mut digest = Digest { hash: 0xcbf2_9ce4_8422_2325, modes: [0; _], faults: FaultSet::default() };
     for seed in 1..=ROBOTS {
         live(seed, &mut digest);
