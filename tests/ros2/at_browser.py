@@ -11,11 +11,11 @@ import time
 class Browser:
     """One page in one Chromium. The DevTools protocol goes over descriptors 3 and 4, messages ended by a zero byte."""
 
-    def __init__(self, chromium, profile, address):
+    def __init__(self, chromium, profile, address, size="1280,800"):
         to_browser, self.to = os.pipe()
         self.back, from_browser = os.pipe()
         command = [
-            chromium, "--headless=new", "--no-sandbox", "--disable-gpu", "--window-size=1280,800", "--remote-debugging-pipe",
+            chromium, "--headless=new", "--no-sandbox", "--disable-gpu", f"--window-size={size}", "--remote-debugging-pipe",
             f"--user-data-dir={profile}", "about:blank",
         ]
 
