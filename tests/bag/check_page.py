@@ -70,12 +70,18 @@ const wait = (ms) => new Promise((done) => setTimeout(done, ms));
 
 def main():
     page, chromium = pathlib.Path(sys.argv[1]), sys.argv[2]
+    # A desk's window and a telephone's: Chromium's narrowest.
+    for size in ("1280,900", "500,900"):
+        check(page, chromium, size)
+
+
+def check(page, chromium, size):
     with tempfile.TemporaryDirectory() as folder:
         probed = pathlib.Path(folder) / "page.html"
         text = page.read_text()
         probed.write_text(text.replace("</body>", PROBE + "</body>"))
         result = subprocess.run(
-            [chromium, "--headless=new", "--no-sandbox", "--disable-gpu", "--window-size=1280,900",
+            [chromium, "--headless=new", "--no-sandbox", "--disable-gpu", f"--window-size={size}",
              "--host-resolver-rules=MAP * ~NOTFOUND", f"--user-data-dir={folder}/profile", "--enable-logging=stderr",
              "--virtual-time-budget=15000", "--dump-dom", probed.as_uri()],
             capture_output=True, text=True, timeout=180)
@@ -103,7 +109,7 @@ def main():
             problems.append(f"{canvas['label']} is empty")
     if problems:
         sys.exit("FAILED: " + "\n  ".join(problems))
-    print(f"{page}: {found['runs']} run(s), {len(found['canvases'])} drawings, {found['rows']} rows, controls work, no errors")
+    print(f"{page} at {size}: {found['runs']} run(s), {len(found['canvases'])} drawings, {found['rows']} rows, controls work, no errors")
 
 
 main()
