@@ -1,11 +1,11 @@
 //! Tandem's ROS 2 interfaces and the standard ones that it uses, as Rust types.
 //!
-//! The types serialise with serde in the order of their fields, which is what CDR (the wire format of DDS) needs. They know
-//! nothing of DDS: the crate `ros` sends and receives them, the crate `bag` writes and reads them.
+//! The types serialise with serde in the order of their fields, which is what CDR (the wire format of DDS) needs. They
+//! know nothing of DDS: the crate `ros` sends and receives them, the crate `bag` writes and reads them.
 //!
 //! The `.msg`, `.srv` and `.action` files beside this crate are what other ROS 2 programs build against. A test
-//! (`tests/definitions.rs`) compares every field of the Rust types with them, and the end-to-end tests compare the standard
-//! types with rclpy's own.
+//! (`tests/definitions.rs`) compares every field of the Rust types with them, and the end-to-end tests compare the
+//! standard types with rclpy's own.
 //!
 //! Units and frames are those of REP 103 (SI, x forward, y left, z up); quaternions are (x, y, z, w).
 

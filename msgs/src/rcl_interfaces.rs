@@ -22,8 +22,8 @@ messages! { "rcl_interfaces";
     }
     /// A value of any of the types that a parameter can have; `type` says which field counts.
     ParameterValue {
-        /// 0 not set, 1 bool, 2 integer, 3 double, 4 string, 5 byte array, 6 bool array, 7 integer array, 8 double array,
-        /// 9 string array.
+        /// 0 not set, 1 bool, 2 integer, 3 double, 4 string, 5 byte array, 6 bool array, 7 integer array, 8 double
+        /// array, 9 string array.
         r#type: u8,
         /// Type 1.
         bool_value: bool,

@@ -1,5 +1,5 @@
-//! Tandem's own messages, services and actions, but the gait (gait_message.rs). The definition files in `msg/`, `srv/` and
-//! `action/` hold the same fields.
+//! Tandem's own messages, services and actions, but the gait (gait_message.rs). The definition files in `msg/`, `srv/`
+//! and `action/` hold the same fields.
 
 use crate::builtin_interfaces::Time;
 use crate::std_msgs::Header;
@@ -56,8 +56,8 @@ messages! { "tandem_msgs";
         /// Vertical force of the ground on the toe, N, as if the legs stood still.
         force_n: Vec<f64>,
     }
-    /// One cycle of the controller: all that its step saw besides the joint state itself and the gait, so that the recorded run
-    /// can be run again to the bit. Written to bags; not sent over the network.
+    /// One cycle of the controller: all that its step saw besides the joint state itself and the gait, so that the
+    /// recorded run can be run again to the bit. Written to bags; not sent over the network.
     ControlCycle {
         /// stamp: time of the cycle on the controller's clock.
         header: Header,
@@ -67,7 +67,8 @@ messages! { "tandem_msgs";
         state_seen: bool,
         /// That state's stamp is this message's less this age, ns.
         state_age_ns: i64,
-        /// Time since each joint's values arrived, ns; 12 entries, or 1 where all are the same, or none without a state.
+        /// Time since each joint's values arrived, ns; 12 entries, or 1 where all are the same, or none without a
+        /// state.
         state_arrival_age_ns: Vec<i64>,
         /// 12 entries, degrees Celsius; none where drives do not report it.
         state_temperature_c: Vec<f64>,
@@ -75,8 +76,8 @@ messages! { "tandem_msgs";
         state_drive_error: Vec<u8>,
         /// Roll and pitch of the base, rad, in recordings of versions before the whole inertial unit was recorded.
         tilt_rad: Vec<f64>,
-        /// What operators asked since the cycle before, in order: arm, disarm, stand, sit, walk, stop, `clear_fault NAME`,
-        /// `start_on_gait`.
+        /// What operators asked since the cycle before, in order: arm, disarm, stand, sit, walk, stop, `clear_fault
+        /// NAME`, `start_on_gait`.
         requests: Vec<String>,
         /// The emergency stop is pressed.
         emergency_stop: bool,
@@ -130,10 +131,11 @@ messages! { "tandem_msgs";
     ControllerState {
         /// When.
         header: Header,
-        /// `disarmed`, `damping`, `standing_up`, `standing`, `starting`, `walking`, `stopping`, `sitting_down`, `fault`.
+        /// `disarmed`, `damping`, `standing_up`, `standing`, `starting`, `walking`, `stopping`, `sitting_down`,
+        /// `fault`.
         mode: String,
-        /// Names of the latched faults, comma between them; in damping without one `emergency_stop`, `stale_joint_state` or
-        /// `armed`.
+        /// Names of the latched faults, comma between them; in damping without one `emergency_stop`,
+        /// `stale_joint_state` or `armed`.
         fault: String,
         /// Name of the loaded gait; empty when there is none.
         gait: String,
@@ -228,14 +230,15 @@ messages! { "tandem_msgs";
     GenerateGaitResponse {
         /// The gait is valid.
         success: bool,
-        /// `converged`, `invalid_request`, `unreachable`, `unverified`, `unwalkable`, `time limit`, `cancelled`, `inactive`, `busy`,
-        /// `internal_error`, or the solver's own word.
+        /// `converged`, `invalid_request`, `unreachable`, `unverified`, `unwalkable`, `time limit`, `cancelled`,
+        /// `inactive`, `busy`, `internal_error`, or the solver's own word.
         status: String,
         /// For people: what was wrong, which constraint binds, the nearest value that would do.
         message: String,
         /// What stands in the way, by name; empty when `success`.
         binding_constraints: Vec<String>,
-        /// The fields in which the nearest request that can be planned differs from this one; empty where none was found.
+        /// The fields in which the nearest request that can be planned differs from this one; empty where none was
+        /// found.
         nearest_fields: Vec<String>,
         /// Their values there, in the fields' own units.
         nearest_values: Vec<f64>,

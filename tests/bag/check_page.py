@@ -15,8 +15,8 @@ import tempfile
 
 PROBE = """
 <script>
-// A frame comes by the page's own (virtual) time, not when a loaded machine's compositor gets round to it: else playing can end before
-// its first frame.
+// A frame comes by the page's own (virtual) time, not when a loaded machine's compositor gets round to it: else playing
+// can end before its first frame.
 window.requestAnimationFrame = (draw) => setTimeout(() => draw(performance.now()), 16);
 window.cancelAnimationFrame = clearTimeout;
 window.errors = [];

@@ -1,5 +1,5 @@
 """Sends mutated and forged RTPS to processes of this machine, seeded: what was captured of their own traffic, changed, and messages made up
-in their names and in those of strangers.
+in their names and in those of participants that do not exist.
 
     flood.py DOMAIN SECONDS PACKETS_PER_SECOND SEED PID...
 
@@ -29,7 +29,7 @@ class Generator:
         assert self.known.prefixes, "no participant of these processes was received"
         self.kinds = [
             (40, self.mutated), (10, self.heartbeat), (10, self.gap), (8, self.fragment), (6, self.acknowledgment), (6, self.missing_fragment),
-            (3, self.farewell), (4, self.endpoint_disposal), (6, self.stranger), (3, self.garbage), (2, self.submessages_at_random),
+            (3, self.farewell), (4, self.endpoint_disposal), (6, self.unknown_participant), (3, self.garbage), (2, self.submessages_at_random),
         ]  # fmt: skip
         self.sent = {}
 
@@ -113,7 +113,7 @@ class Generator:
         newest = self.known.writers.get(prefix, {}).get(sedp_writer, 1)
         return rtps.message(prefix, rtps.disposal(sedp_reader, sedp_writer, newest + self.random.randint(1, 50), 0x5A, prefix + writer))
 
-    def stranger(self):
+    def unknown_participant(self):
         """Announcements of participants and endpoints that do not exist."""
         if not self.announcements:
             return self.garbage()

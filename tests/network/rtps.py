@@ -69,13 +69,13 @@ def announcement(prefix, address, port):
     """A participant's announcement of itself, reached at one address."""
     parameter = lambda key, value: struct.pack("<HH", key, len(value)) + value
     locator = struct.pack("<II", 1, port) + bytes(12) + bytes(map(int, address.split(".")))
-    said = [
+    parameters = [
         parameter(0x15, b"\2\4\0\0"), parameter(0x16, RUSTDDS + b"\0\0"), parameter(0x50, prefix + bytes.fromhex("000001c1")),
         parameter(0x32, locator), parameter(0x31, locator), parameter(0x02, struct.pack("<II", 20, 0)), parameter(0x58, struct.pack("<I", 0x3F)),
         struct.pack("<HH", 1, 0),
     ]  # fmt: skip
     head = struct.pack("<HH", 0, 16) + SPDP_READER + SPDP_WRITER + number(1)
-    return message(prefix, submessage(DATA, 0x05, head + b"\0\3\0\0" + b"".join(said)))
+    return message(prefix, submessage(DATA, 0x05, head + b"\0\3\0\0" + b"".join(parameters)))
 
 
 def submessages(datagram):

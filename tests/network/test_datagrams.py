@@ -95,8 +95,8 @@ def test_nothing_comes_of(pair, name):
     print(f"{name}: {grown / 2**20:.1f} MB more, answered in {1000 * pair.answers(pair.generate):.0f} ms")
 
 
-def test_a_farewell_that_others_say_is_not_believed(pair):
-    """The other node is still there: whoever it talks to has to go on hearing it. The node that is attacked asks it, and it answers."""
+def test_a_farewell_that_others_send_is_not_believed(pair):
+    """The other node is still there: whoever it sends to has to go on receiving it. The node that is attacked asks it, and it answers."""
     before = pair.node.text()
     for _ in range(3):
         pair.send(raw=rtps.farewell(pair.spoofed))
@@ -110,7 +110,7 @@ def test_a_farewell_that_others_say_is_not_believed(pair):
     assert "panicked" not in pair.node.text()[len(before) :]
 
 
-def test_a_forged_heartbeat_does_not_make_deaf(pair):
+def test_a_forged_heartbeat_does_not_stop_reception(pair):
     """Forged in the name of the test's own participant: an endpoint that this announces afterwards is received, or no answer would reach it."""
     for writer, reader in rtps.SEDP:
         pair.send(raw=rtps.message(pair.asker, rtps.heartbeat(reader, writer, 1 << 40, 1 << 41, 1 << 22)))
@@ -140,11 +140,11 @@ def test_an_endpoint_that_others_dispose_of_stays(pair):
     while time.monotonic() < began + 4:
         slowest = max(slowest, pair.answers(pair.generate))
         time.sleep(0.05)
-    print(f"answered in at most {1000 * slowest:.0f} ms after {sum(map(len, endpoints))} endpoints were said to be gone")
+    print(f"answered in at most {1000 * slowest:.0f} ms after {sum(map(len, endpoints))} endpoints were reported gone")
 
 
-def test_a_publisher_that_goes_on_sending_has_not_ended_whatever_is_said(processes, ros):
-    """Its end is said over and over, and that its announcements no longer exist, so that asking for them does not help."""
+def test_a_publisher_that_goes_on_sending_has_not_ended_whatever_others_send(processes, ros):
+    """Its end is sent over and over, and that its announcements no longer exist, so that asking for them does not help."""
     from sensor_msgs.msg import JointState
     from tandem_msgs.msg import ControllerState
     from test_walk import JOINTS
@@ -174,13 +174,13 @@ def test_a_publisher_that_goes_on_sending_has_not_ended_whatever_is_said(process
         return sent, states[-1].cycles - before
 
     talk.stamp_ms = 1000
-    heard = []
-    listening = threading.Thread(target=lambda: heard.extend(rtps.capture(6, set(ports))))
+    captured = []
+    listening = threading.Thread(target=lambda: captured.extend(rtps.capture(6, set(ports))))
     listening.start()
     talk(8)
     listening.join()
     mine = {port for ports in rtps.listens([os.getpid()]).values() for port in ports}
-    known = rtps.Known([datagram for datagram in heard if datagram[0] in mine], rtps.FAST_DDS)
+    known = rtps.Known([datagram for datagram in captured if datagram[0] in mine], rtps.FAST_DDS)
     (asker,) = known.prefixes
     # The joint states are what it writes most of.
     entity = max((entity for entity in known.writers[asker] if entity[3] & 0xC0 == 0), key=known.writers[asker].get)
@@ -190,6 +190,6 @@ def test_a_publisher_that_goes_on_sending_has_not_ended_whatever_is_said(process
         return rtps.message(asker, rtps.gap(READER, WRITER, 1, number), rtps.disposal(READER, WRITER, number, 0x5A, asker + entity))
 
     sent, taken = talk(8, attack=end)
-    print(f"{taken} of {sent} states were taken while their publisher was said to be gone")
+    print(f"{taken} of {sent} states were taken while their publisher was reported gone")
     assert taken >= 0.98 * sent, "they are received all the while"
     client.close()

@@ -39,7 +39,7 @@ except TimeoutError:
 
 
 @pytest.mark.parametrize("range_, expected", [("LOCALHOST", "nothing"), ("SUBNET", "asked")])
-def test_what_comes_from_elsewhere_is_heard_on_the_subnet_only(hosts, range_, expected):  # noqa: F811
+def test_what_comes_from_elsewhere_is_received_on_the_subnet_only(hosts, range_, expected):  # noqa: F811
     environment = {**os.environ, "ROS_AUTOMATIC_DISCOVERY_RANGE": range_, "ROS_DOMAIN_ID": "0"}
     inside = lambda host, *command, **more: subprocess.Popen(["ip", "netns", "exec", host, *command], **more)
     node = inside(ROBOT, str(TARGET / "tandem_planner"), env=environment, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
@@ -49,8 +49,8 @@ def test_what_comes_from_elsewhere_is_heard_on_the_subnet_only(hosts, range_, ex
         time.sleep(2)
         assert node.poll() is None
         ports = map(str, (7400, 7401, 7410, 7411))
-        stranger = rtps.announcement(rtps.RUSTDDS + bytes(range(10)), "127.0.0.1", FOUND_AT)
-        inside(PLANNER, sys.executable, "-c", SEND, stranger.hex(), *ports).wait(20)
+        foreign = rtps.announcement(rtps.RUSTDDS + bytes(range(10)), "127.0.0.1", FOUND_AT)
+        inside(PLANNER, sys.executable, "-c", SEND, foreign.hex(), *ports).wait(20)
         assert listener.stdout.readline() == expected + "\n"
     finally:
         for process in (node, listener):

@@ -22,7 +22,7 @@ def plain(value):
     return list(value) if isinstance(value, (list, tuple)) or type(value).__name__ == "array" else value
 
 
-def said(arguments):
+def parsed(arguments):
     context = Context()
     try:
         rclpy.init(args=["program", *arguments], context=context)
@@ -40,4 +40,4 @@ def said(arguments):
         context.try_shutdown()
 
 
-print(json.dumps([said(arguments) for arguments in json.load(sys.stdin)]))
+print(json.dumps([parsed(arguments) for arguments in json.load(sys.stdin)]))

@@ -31,7 +31,7 @@ class Browser:
         os.close(to_browser)
         os.close(from_browser)
         os.set_blocking(self.back, False)
-        self.number, self.text, self.said, self.session = 0, b"", [], None
+        self.number, self.text, self.events, self.session = 0, b"", [], None
         target = next(info for info in self.call("Target.getTargets")["targetInfos"] if info["type"] == "page")
         self.session = self.call("Target.attachToTarget", targetId=target["targetId"], flatten=True)["sessionId"]
         for domain in ("Runtime", "Log", "Page"):
@@ -48,7 +48,7 @@ class Browser:
         while True:
             *complete, self.text = self.text.split(b"\0")
             answers = [json.loads(text) for text in complete]
-            self.said += [answer for answer in answers if "method" in answer]
+            self.events += [answer for answer in answers if "method" in answer]
             for answer in answers:
                 if answer.get("id") == self.number:
                     assert "error" not in answer, answer
@@ -79,12 +79,12 @@ class Browser:
     def problems(self):
         """Exceptions, and errors of the console."""
         self.run("0")
-        wrong = lambda said: (
-            said["method"] == "Runtime.exceptionThrown"
-            or said["method"] == "Log.entryAdded" and said["params"]["entry"]["level"] in ("error", "warning")
-            or said["method"] == "Runtime.consoleAPICalled" and said["params"]["type"] in ("error", "warning")
+        wrong = lambda event: (
+            event["method"] == "Runtime.exceptionThrown"
+            or event["method"] == "Log.entryAdded" and event["params"]["entry"]["level"] in ("error", "warning")
+            or event["method"] == "Runtime.consoleAPICalled" and event["params"]["type"] in ("error", "warning")
         )
-        return [said["params"] for said in self.said if wrong(said)]
+        return [event["params"] for event in self.events if wrong(event)]
 
     def __enter__(self):
         return self

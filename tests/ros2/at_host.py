@@ -28,7 +28,7 @@ node = rclpy.create_node("at_host_" + sys.argv[1])
 executor = SingleThreadedExecutor()
 executor.add_node(node)
 threading.Thread(target=executor.spin, daemon=True).start()
-received, clients, said = {}, {}, {}
+received, clients, published = {}, {}, {}
 
 
 def call(name, type_, fields, seconds):
@@ -71,11 +71,11 @@ for line in sys.stdin:
         answer = {}
     elif "say" in request:
         name, type_ = request["say"], class_of(request["type"])
-        if name not in said:
+        if name not in published:
             publisher = node.create_publisher(type_, name, 10)
-            said[name] = [publisher, None]
-            node.create_timer(0.05, lambda said=said[name]: said[0].publish(said[1]))
-        said[name][1] = type_(**request["fields"])
+            published[name] = [publisher, None]
+            node.create_timer(0.05, lambda published=published[name]: published[0].publish(published[1]))
+        published[name][1] = type_(**request["fields"])
         answer = {}
     elif "graph" in request:
         names = [name for name, _ in node.get_topic_names_and_types(no_demangle=True) if name[2:].startswith(request["graph"] + "/")]

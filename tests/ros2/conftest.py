@@ -20,7 +20,8 @@ TARGET = pathlib.Path(os.environ.get("CARGO_TARGET_DIR", ROOT / "target")) / "re
 def free_domain():
     """A domain in which nobody listens: participant 0 of domain d has UDP port 7410 + 250 d."""
     used = {int(line.split()[1].split(":")[1], 16) for line in pathlib.Path("/proc/net/udp").read_text().splitlines()[1:]}
-    # Runs side by side choose from different domains: the first of two from the even ones, "0/2", the second from "1/2".
+    # Runs side by side choose from different domains: the first of two from the even ones, "0/2", the second from
+    # "1/2".
     rest, of = (int(number) for number in os.environ.get("TANDEM_TEST_SHARE", "0/1").split("/"))
     free = [domain for domain in range(1, 101) if domain % of == rest and 7410 + 250 * domain not in used]
     return random.choice(free)
@@ -126,8 +127,8 @@ class Client:
             except ExternalShutdownException:
                 return
             except InvalidHandle:
-                # A test destroyed what the executor was about to wait for: rclpy does not guard against that, and a client whose thread
-                # had ended would wait for every later answer in vain.
+                # A test destroyed what the executor was about to wait for: rclpy does not guard against that, and a
+                # client whose thread had ended would wait for every later answer in vain.
                 continue
 
     def service(self, type_, name, seconds=40, depth=10):

@@ -16,7 +16,8 @@ from test_walk import JOINTS, Robot, best_effort
 
 CYCLES = int(os.environ.get("TANDEM_ABUSE_CYCLES", "8"))
 SECONDS = float(os.environ.get("TANDEM_ABUSE_SECONDS", "4"))
-# Physics at a third of the wall clock's pace leaves the machine room for the abuse; the control loop runs at its full 1 kHz.
+# Physics at a third of the wall clock's pace leaves the machine room for the abuse; the control loop runs at its full 1
+# kHz.
 PACE = "real_time_factor:=0.33"
 
 # Subscribes reliably to all that a robot says, and is then stopped or killed.
@@ -52,8 +53,8 @@ for number in range(int(sys.argv[1])):
 """
 
 
-# Four clients that ask without pause, three calls at a time, until their standard input ends. They keep more answers than rclpy's ten,
-# because each receives those to all of them (docs/ros2.md).
+# Four clients that ask without pause, three calls at a time, until their standard input ends. They keep more answers
+# than rclpy's ten, because each receives those to all of them (docs/ros2.md).
 FLOOD = """
 import json, sys, threading, time
 sys.path.insert(0, "tests/ros2")
@@ -146,7 +147,7 @@ def resident_kb(process):
 
 
 class Stretch:
-    """What the control loop said of itself, second by second, over a stretch of time."""
+    """What the control loop reported of itself, second by second, over a stretch of time."""
 
     def __init__(self, figures):
         self.cycles = int(figures[-1]["cycles"]) - int(figures[0]["cycles"])
@@ -185,7 +186,7 @@ def test_a_walking_robot_does_not_notice(robot, loop, processes):
     helpers = []
 
     def helper(script, *arguments, **streams):
-        # The abusers share two cores with the physics; they are to abuse the robot, not to starve its world.
+        # The abusers share two cores with the physics, which is to keep its pace.
         command = ["nice", "-n", "3", sys.executable, "-c", script, *map(str, arguments)]
         environment = {**os.environ, "TANDEM_TEST_DOMAIN": str(DOMAIN)}
         process = subprocess.Popen(command, stdout=subprocess.PIPE, text=True, cwd=ROOT, env=environment, **streams)
@@ -193,7 +194,7 @@ def test_a_walking_robot_does_not_notice(robot, loop, processes):
         return process
 
     try:
-        # One subscriber stalls, one is killed, a stranger sends garbage of another type on every input.
+        # One subscriber stalls, one is killed, another program sends garbage of another type on every input.
         stalled, killed = helper(SUBSCRIBER, "stalled"), helper(SUBSCRIBER, "killed")
         for subscriber in (stalled, killed):
             assert subscriber.stdout.readline() == "ready\n"
@@ -221,7 +222,7 @@ def test_a_walking_robot_does_not_notice(robot, loop, processes):
                 print(f"after {time.monotonic() - began:.0f} s: resident kB {visits[-1]}", flush=True)
             assert time.monotonic() < began + 60 + SECONDS + 10 * CYCLES, "the visitors do not come to an end"
             time.sleep(0.05)
-        said, _ = flood.communicate(timeout=60)
+        output, _ = flood.communicate(timeout=60)
         took = time.monotonic() - began
         assert visitor.returncode == 0 and len(visitor.stdout.read().split()) == CYCLES
         after = [resident_kb(node) for node in robot.nodes]
@@ -232,7 +233,7 @@ def test_a_walking_robot_does_not_notice(robot, loop, processes):
             if process.poll() is None:
                 process.kill()
             process.wait()
-    clients = json.loads(said)
+    clients = json.loads(output)
     calls, seen = sum(client["asked"] for client in clients), robot.states[states:]
     print(
         f"{calls} calls of {len(clients)} clients in {took:.1f} s, slowest answer {max(client['slowest_s'] for client in clients):.2f} s; {CYCLES} visits\n"
@@ -242,7 +243,7 @@ def test_a_walking_robot_does_not_notice(robot, loop, processes):
     assert all(client["answered"] == client["asked"] > 0 for client in clients), f"every call is answered as it must be: {clients}"
     assert abused.share_missed() <= calm.share_missed() + 0.005
     assert abused.compute_p99_us[-1] < 500
-    # What the stalled subscriber has not taken is kept until its lease ends, and the newest requests; a visit leaves next to nothing.
+    # Kept is what the stalled subscriber has not taken, until its lease ends, and the newest requests.
     assert all(later - earlier < 16384 + 75 * CYCLES for earlier, later in zip(before, after, strict=True)), (before, after)
     if len(visits) >= 10:
         settled = visits[len(visits) // 2]

@@ -30,9 +30,9 @@ def test_a_vision_60s_topics_are_seen_under_our_names(client, adapt):
     from sensor_msgs.msg import Imu, JointState
 
     process = adapt("config/adapters/vision60.toml")
-    heard = {"/joint_states": [], "/imu": [], "/cmd_vel": []}
+    received = {"/joint_states": [], "/imu": [], "/cmd_vel": []}
     types = {"/joint_states": JointState, "/imu": Imu, "/cmd_vel": Twist}
-    subscriptions = [client.node.create_subscription(types[topic], topic, messages.append, 10) for topic, messages in heard.items()]
+    subscriptions = [client.node.create_subscription(types[topic], topic, messages.append, 10) for topic, messages in received.items()]
     publish = {
         topic: client.node.create_publisher(type_, topic, 10)
         for topic, type_ in (("/mcu/state/jointURDF", JointState), ("/mcu/state/imu", Imu), ("/mcu/command/manual_twist", Twist))
@@ -44,14 +44,14 @@ def test_a_vision_60s_topics_are_seen_under_our_names(client, adapt):
     def arrives():
         for topic, message in zip(publish, (state, imu, twist), strict=True):
             publish[topic].publish(message)
-        return all(heard.values())
+        return all(received.values())
 
     wait_until(arrives, 30, process.text)
-    joints = heard["/joint_states"][-1]
+    joints = received["/joint_states"][-1]
     assert sorted(joints.name) == sorted(JOINTS) and len(joints.velocity) == 12 and not joints.effort
     by_name = dict(zip(joints.name, joints.position, strict=True))
     assert by_name["front_left_hip_pitch"] == 0.0 and by_name["rear_right_hip_roll"] == pytest.approx(1.1)
-    assert heard["/imu"][-1].angular_velocity.z == 0.25 and heard["/cmd_vel"][-1].linear.x == 0.5
+    assert received["/imu"][-1].angular_velocity.z == 0.25 and received["/cmd_vel"][-1].linear.x == 0.5
     # A message that lacks joints is not handed on, and the log says so.
     publish["/mcu/state/jointURDF"].publish(JointState(name=["hip0"], position=[0.0]))
     wait_until(lambda: "not handed on" in process.text() and "knee0" in process.text(), 10, process.text)

@@ -97,7 +97,7 @@ def test_a_client_that_calls_at_once_is_answered(processes, client):
         assert process.stop() == 0
 
 
-def test_a_node_that_is_told_to_end_while_it_starts_ends_orderly(tmp_path):
+def test_a_node_that_is_asked_to_end_while_it_starts_ends_orderly(tmp_path):
     """Twenty times SIGTERM as soon as anything of the node can be seen from outside: that its participant has its port."""
     of_domain = range(7400 + 250 * DOMAIN, 7400 + 250 * (DOMAIN + 1))
 

@@ -196,7 +196,7 @@ def test_a_command_line_means_what_it_means_to_rclpy(answers, line):
     elif "error" in theirs:
         assert "error" in ours, f"rclpy refuses it ({theirs['error']}), we took it: {ours}"
         # The middleware may have logged before, each line with its time.
-        said = [line for line in ours["error"].splitlines() if not re.match(r"\s*\d{4}-\d\d-\d\dT", line)]
-        assert 1 <= len(said) <= 2, ours["error"]
+        lines = [line for line in ours["error"].splitlines() if not re.match(r"\s*\d{4}-\d\d-\d\dT", line)]
+        assert 1 <= len(lines) <= 2, ours["error"]
     else:
         assert ours == theirs

@@ -63,7 +63,7 @@ def test_a_recording_leaves_its_folder_by_no_name(client, controller, tmp_path):
     assert ended.success and ended.folder == str(controller.root / "monday-1.2_x"), ended
 
 
-def test_more_requests_than_may_wait_are_told_that_the_node_is_busy_and_the_stop_is_heard(client, controller):
+def test_more_requests_than_may_wait_learn_that_the_node_is_busy_and_the_stop_is_obeyed(client, controller):
     from std_srvs.srv import SetBool, Trigger
 
     # Nobody publishes joint states: each request waits for the cycle, so that the others pile up behind it.

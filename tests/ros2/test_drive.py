@@ -24,19 +24,19 @@ class Driver:
         self.message = TwistStamped() if stamped else Twist()
         self.twist = self.message.twist if stamped else self.message
         self.publisher = node.create_publisher(type(self.message), "cmd_vel", 10)
-        self.speaks, self.goes_on = False, True
+        self.publishes, self.goes_on = False, True
         self.thread = threading.Thread(target=self._speak, daemon=True)
         self.thread.start()
 
     def _speak(self):
         while self.goes_on:
-            if self.speaks:
+            if self.publishes:
                 self.publisher.publish(self.message)
             time.sleep(0.02)
 
     def ask(self, forward_m_s, left_m_s, yaw_rad_s):
         self.twist.linear.x, self.twist.linear.y, self.twist.angular.z = forward_m_s, left_m_s, yaw_rad_s
-        self.speaks = True
+        self.publishes = True
 
     def close(self):
         self.goes_on = False
@@ -114,7 +114,7 @@ def drive_again_and_press_the_button(robot):
     assert robot.states[-1].fault == "emergency_stop"
 
 
-def test_it_is_driven_knows_where_it_is_stops_and_is_verified(robot, tmp_path):
+def test_it_is_driven_by_cmd_vel_with_odometry_stops_and_is_verified(robot, tmp_path):
     from geometry_msgs.msg import WrenchStamped
     from tandem_msgs.srv import StartRecording, StopRecording
 
@@ -160,7 +160,7 @@ def test_it_is_driven_knows_where_it_is_stops_and_is_verified(robot, tmp_path):
     assert max(off) > 0.3, f"it was not pushed: {max(off)}"
 
     # The client falls silent: it steps in place.
-    robot.driver.speaks = False
+    robot.driver.publishes = False
     walk_for(robot, 4, "stale")
     from_s = walk_for(robot, 2, "in place")
     assert all(abs(value) < 0.05 for value in means(since(robot.truth, from_s))), means(since(robot.truth, from_s))
@@ -197,7 +197,7 @@ def test_a_velocity_begins_a_walk_of_a_robot_that_stands_and_it_stands_again_aft
         far, _ = moved(since(robot.truth, walk_for(robot, 6, "driving")))
         print(f"went {far:.2f} m in 6 s at 0.3 m/s from standing")
         assert far >= 0.3 * (6 - 1), "the walk grows for the first 2 s"
-        robot.driver.speaks = False
+        robot.driver.publishes = False
         robot.wait(lambda: robot.mode() == "standing", 60, "standing again")
     # A stop holds although the client goes on.
     robot.driver.ask(0.3, 0.0, 0.0)
@@ -226,7 +226,7 @@ def test_with_cmd_vel_stamped_it_is_driven_by_twists_with_a_stamp(stamped):
     print(f"driven by TwistStamped: {ahead:.3f} {left:.3f} {turning:.3f}")
     assert (ahead, left, turning) == (pytest.approx(0.2, abs=0.08), pytest.approx(0.0, abs=0.04), pytest.approx(0.3, abs=0.06))
     # And one that falls silent is stale.
-    robot.driver.speaks = False
+    robot.driver.publishes = False
     walk_for(robot, 4, "stale")
     assert all(abs(value) < 0.05 for value in means(since(robot.truth, walk_for(robot, 2, "in place"))))
 

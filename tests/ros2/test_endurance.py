@@ -70,6 +70,7 @@ def test_endurance(processes, ros):
     if SECONDS >= 600:
         assert all(abs(slope) < 1024 for slope in slopes), slopes
     else:
-        # The bridge's buffers fill over the first 20 s, by 22 MB, and then stay (docs/ros2.md); that nothing grows later is the hour's to show.
+        # The bridge's buffers fill over the first 20 s, by 22 MB, and then stay (docs/ros2.md); that nothing grows
+        # later is the hour's to show.
         assert all(sample[-1][1] - sample[0][1] < 32768 for sample in samples), samples
     robot.close()

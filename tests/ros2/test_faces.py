@@ -61,7 +61,7 @@ def test_every_parameter_is_taken_from_a_file_and_read_back(client, processes, t
     parameters = {name: another(name, *row[:3]) for name, row in table(node).items() if name not in alone}
     if node == "sim_bridge":
         parameters["control_period_s"] = 0.002  # a multiple of the physics step
-    # Unlike its default each, and said so in a file as ROS 2 writes them.
+    # Unlike its default each, and given in a file as ROS 2 writes them.
     assert all(str(value) != table(node)[name][1] for name, value in parameters.items()), parameters
     file = tmp_path / "parameters.yaml"
     file.write_text(f"/set/{node}:\n  ros__parameters:\n" + "".join(f"    {name}: {json.dumps(value)}\n" for name, value in parameters.items()))
@@ -108,8 +108,8 @@ def test_every_bound_of_a_parameter_holds(processes, node):
         started = [(name, given, start(processes, node, "/bounds", given)) for name, given in refusals[first : first + 8]]
         for name, given, process in started:
             wait_until(lambda process=process: not process.alive(), 20, f"{node} -p {given} ends")
-            said = process.text().strip().splitlines()[-1]
-            assert process.process.returncode == 1 and said.startswith(f"tandem_{node}: ") and name in said and "expected" in said, (given, said)
+            last_line = process.text().strip().splitlines()[-1]
+            assert process.process.returncode == 1 and last_line.startswith(f"tandem_{node}: ") and name in last_line and "expected" in last_line, (given, last_line)
 
 
 @pytest.fixture(scope="module")
@@ -244,15 +244,15 @@ def test_a_standing_robot_weighs_what_it_weighs_and_a_push_moves_it(robot):
     assert sum(force.z for force in forces) == pytest.approx(weight, rel=0.05) and all(force.z > 0.1 * weight for force in forces)
     state, command = reported["joint_states"], reported["joint_command"]
     torque = [
-        kp * (want - position) + kd * (rate - velocity) + feed
-        for kp, kd, want, rate, feed, position, velocity in zip(
+        kp * (target - position) + kd * (rate - velocity) + feed
+        for kp, kd, target, rate, feed, position, velocity in zip(
             command.kp, command.kd, command.position, command.velocity, command.torque, state.position, state.velocity, strict=True
         )
     ]
     # The drives do what the command says of the state.
     assert list(state.effort) == pytest.approx(torque, abs=2.0), "effort is the law's torque"
-    said = robot.states[-1]
-    assert said.mode == "standing" and len(said.tracking_error_rad) == len(said.commanded_torque_nm) == 12 and said.cycles > 1000
+    state = robot.states[-1]
+    assert state.mode == "standing" and len(state.tracking_error_rad) == len(state.commanded_torque_nm) == 12 and state.cycles > 1000
     received.close()
     received = Received(robot.client.node, "/faced", slow=True)
     robot.pause(False)
@@ -289,12 +289,12 @@ def test_a_standing_robot_weighs_what_it_weighs_and_a_push_moves_it(robot):
     assert robot.mode() == "standing"
 
     # Once a second: of the control cycles, which follow the simulation here, and of the wall clock.
-    said = lambda name: [status for message in list(received["/diagnostics"]) for status in message.status if status.name == name]
+    diagnostics = lambda name: [status for message in list(received["/diagnostics"]) for status in message.status if status.name == name]
     came = []
     note = lambda message: came.append(time.monotonic()) if any(status.name == loops[1] for status in message.status) else None
     robot.client.node.create_subscription(DiagnosticArray, "/diagnostics", note, 10)
-    wait_until(lambda: len(came) >= 4 and len(said(loops[0])) >= 4, 20, lambda: f"four diagnostics of each: {came}, {len(said(loops[0]))}")
-    cycles = [int(next(value.value for value in status.values if value.key == "cycles")) for status in said(loops[0])]
+    wait_until(lambda: len(came) >= 4 and len(diagnostics(loops[0])) >= 4, 20, lambda: f"four diagnostics of each: {came}, {len(diagnostics(loops[0]))}")
+    cycles = [int(next(value.value for value in status.values if value.key == "cycles")) for status in diagnostics(loops[0])]
     assert {after - before for before, after in itertools.pairwise(cycles)} == {1000}, cycles
     gaps = sorted(after - before for before, after in itertools.pairwise(came))
     assert gaps[len(gaps) // 2] == pytest.approx(1.0, abs=0.2), gaps
@@ -400,8 +400,8 @@ def test_a_gait_file_is_loaded_walked_recorded_and_stopped_by_either_emergency_s
     wait_until(lambda: robot.mode() == "disarmed", 20, lambda: f"{robot.states[-1]}")
 
 
-def test_a_controller_alone_hears_every_topic_that_it_subscribes_to(client, processes, tmp_path):
-    """Stand-ins for the robot: what is said on its inputs is seen in what it says."""
+def test_a_controller_alone_receives_every_topic_that_it_subscribes_to(client, processes, tmp_path):
+    """Stand-ins for the robot: what is published on its inputs is seen in what it publishes."""
     from builtin_interfaces.msg import Time
     from geometry_msgs.msg import WrenchStamped
     from nav_msgs.msg import Odometry

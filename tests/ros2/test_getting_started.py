@@ -30,7 +30,7 @@ def lines_of(text):
 
 @pytest.fixture
 def home(tmp_path, monkeypatch):
-    """The page speaks of ~: a home of its own for the nodes, and what they record there."""
+    """The page names ~: a home of its own for the nodes, and what they record there."""
     monkeypatch.setenv("HOME", str(tmp_path))
     monkeypatch.delenv("XDG_DATA_HOME", raising=False)
     monkeypatch.delenv("ROS_LOG_DIR", raising=False)
@@ -113,14 +113,14 @@ class Terminal:
         parser.add_argument("--once", action="store_true", required=True)
         parser.add_argument("topic")
         asked = parser.parse_args(words)
-        node, heard = self.client.node, []
+        node, received = self.client.node, []
         (offer, *_) = wait_until(lambda: node.get_publishers_info_by_topic(asked.topic), 30, f"a publisher of {asked.topic}")
         quality = QoSProfile(depth=10, reliability=offer.qos_profile.reliability, durability=offer.qos_profile.durability)
         passes = eval(f"lambda m: {asked.filter or True}")  # a Python expression of m, the page's own text
-        listen = lambda message: heard.append(message) if passes(message) else None
+        listen = lambda message: received.append(message) if passes(message) else None
         subscription = node.create_subscription(type_of(offer.topic_type, "msg"), asked.topic, listen, quality)
-        wait_until(lambda: self.check() and heard, 90, lambda: f"{shlex.join(words)}\n" + "\n".join(n.text()[-1000:] for n in self.nodes))
-        message = heard[0]
+        wait_until(lambda: self.check() and received, 90, lambda: f"{shlex.join(words)}\n" + "\n".join(n.text()[-1000:] for n in self.nodes))
+        message = received[0]
         for field in (asked.field or "").split(".") if asked.field else []:
             message = getattr(message, field)
         node.destroy_subscription(subscription)
@@ -176,8 +176,8 @@ def test_the_same_in_python_and_in_rust(processes, ros, home):
     lines = [line for section, line in lines_of(PAGE.read_text()) if section == "The same in a program"]
     assert len(lines) == 2
     for line in lines:
-        said = shell(line.replace("python3 ", f"{sys.executable} "), home)
-        assert [part.split(":")[0] for part in said.splitlines() if part.split(":")[0] != "generate_gait"] == ["arm", "stand", "walk", "stop", "sit"]
+        printed = shell(line.replace("python3 ", f"{sys.executable} "), home)
+        assert [part.split(":")[0] for part in printed.splitlines() if part.split(":")[0] != "generate_gait"] == ["arm", "stand", "walk", "stop", "sit"]
     stop(nodes)
 
 

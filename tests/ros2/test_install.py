@@ -55,10 +55,10 @@ def test_systemd_takes_the_units(prefix, tmp_path):
         units[-1].write_text(text.replace("/opt/tandem", str(prefix)))
     assert len(units) == 2
     try:
-        said = subprocess.run(["systemd-analyze", "verify", "--man=no", *units], capture_output=True, text=True)
+        result = subprocess.run(["systemd-analyze", "verify", "--man=no", *units], capture_output=True, text=True)
     except FileNotFoundError:
         pytest.skip("systemd-analyze is not on this machine")
-    assert (said.returncode, said.stderr) == (0, ""), said.stderr
+    assert (result.returncode, result.stderr) == (0, ""), result.stderr
 
 
 def test_the_wrong_arguments_are_refused(tmp_path):

@@ -12,9 +12,9 @@ from conftest import ROOT, wait_until
 
 DOCUMENT = ROOT / "docs/interfaces.md"
 NODES = ["planner", "controller", "sim_bridge"]
-# What every node has, said once in the document's text.
+# What every node has, stated once in the document's text.
 COMMON_TOPICS = {"/rosout", "/parameter_events", "/clock"}
-# Said once as well: below the node's own name.
+# Stated once as well: below the node's own name.
 COMMON = {
     ("publisher", "transition_event"): "lifecycle_msgs/msg/TransitionEvent",
     ("service", "change_state"): "lifecycle_msgs/srv/ChangeState",

@@ -243,9 +243,9 @@ def test_every_severity_reaches_rosout(client, processes):
     service = client.service(SetBool, "/count")
     for data in (True, False):
         assert client.call(service, SetBool.Request(data=data)).success == data
-    said = lambda: {(line.level, line.msg) for line in list(lines) if line.name == "talker" and line.msg.startswith("call")}
+    lines_of_talker = lambda: {(line.level, line.msg) for line in list(lines) if line.name == "talker" and line.msg.startswith("call")}
     expected = {(10, "call 1"), (10, "call 2"), (40, "call 2 failed, as it was asked to")}
-    wait_until(lambda: said() == expected, 10, lambda: f"{expected}, received {said()}")
+    wait_until(lambda: lines_of_talker() == expected, 10, lambda: f"{expected}, received {lines_of_talker()}")
     client.node.destroy_subscription(subscription)
     talker.stop()
 
@@ -256,8 +256,8 @@ def test_a_publisher_of_another_type_is_dropped_and_named(client, exercise, proc
 
     received = []
     client.node.create_subscription(Gait, "/robot/output", received.append, reliable())
-    stranger = processes("examples/exercise", "--ros-args", "-r", "__node:=stranger", "-r", "description:=/robot/input", name="stranger")
-    wait_until(lambda: "ready" in stranger.text(), 20, "the stranger is ready")
+    intruder = processes("examples/exercise", "--ros-args", "-r", "__node:=intruder", "-r", "description:=/robot/input", name="intruder")
+    wait_until(lambda: "ready" in intruder.text(), 20, "the intruder is ready")
     wait_until(
         lambda: "/robot/input: a publisher sends std_msgs::msg::dds_::String_, expected tandem_msgs::msg::dds_::Gait_" in exercise.text()
         or "/robot/input: 1 messages could not be read" in exercise.text(),
@@ -266,7 +266,7 @@ def test_a_publisher_of_another_type_is_dropped_and_named(client, exercise, proc
     )
     assert exercise.alive()
     assert not received
-    stranger.stop()
+    intruder.stop()
 
 
 def test_a_killed_subscriber_does_not_stop_the_publisher(client, exercise, processes):

@@ -15,8 +15,9 @@ from test_walk import Robot
 JOINS = 20
 STALLED_S = 15
 
-# A process of its own, as `ros2 topic echo` is one: subscribes to all topics, and prints for each how long after its discovery the
-# first message came. All types are loaded first: a library is a part of a second, in which nothing would be received.
+# A process of its own, as `ros2 topic echo` is one: subscribes to all topics, and prints for each how long after its
+# discovery the first message came. All types are loaded first: a library is a part of a second, in which nothing would
+# be received.
 SUBSCRIBER = """
 import importlib, json, sys, time
 import rclpy
@@ -94,18 +95,19 @@ def test_default_subscriptions_come_and_go_in_lockstep(processes, ros):
     robot = Robot(processes, ros, "/joined", planner=False)
     try:
         arm(robot)
-        # Longer than the middleware's former window of 8,192 samples: a reader that joins then has acknowledged nothing of it.
+        # Longer than the middleware's former window of 8,192 samples: a reader that joins then has acknowledged nothing
+        # of it.
         robot.wait(lambda: robot.time() > 9, 60, "9 s of simulated time")
         names = topics("/joined")
         latest = dict.fromkeys(names, 0.0)
         for join in range(JOINS):
             before = robot.time()
             process = subscriber(json.dumps(names), 20)
-            said = json.loads(process.communicate(timeout=60)[0])
+            figures = json.loads(process.communicate(timeout=60)[0])
             robot.check()
-            assert not said["missing"], f"join {join}: {said}"
-            for name, late in said["late_s"].items():
-                assert late is not None, f"join {join}: nothing on {name}: {said}"
+            assert not figures["missing"], f"join {join}: {figures}"
+            for name, late in figures["late_s"].items():
+                assert late is not None, f"join {join}: nothing on {name}: {figures}"
                 latest[name] = max(latest[name], late)
             assert robot.time() > before, f"join {join}: the simulation stands at {before} s"
         print(f"{JOINS} joins; latest first message after discovery, s: { {name: round(late, 3) for name, late in latest.items()} }")

@@ -40,7 +40,7 @@ def test_large_messages_reach_a_node_of_ours_and_come_back(processes, ros):
     from tandem_msgs.msg import Gait
 
     process = processes("examples/exercise", "--ros-args", "-r", "__ns:=/large", "-r", "__node:=exercise")
-    client = Client("speaker")
+    client = Client("talker")
     try:
         came = []
         client.node.create_subscription(Gait, "/large/output", lambda message: came.append(message.name), 10)

@@ -58,17 +58,18 @@ WALK_THROUGH = [
     (0, "activate"), (0, "shutdown"), (1, ""),
 ]  # fmt: skip
 IMPOSSIBLE = {0, 3, 4, 6, 14}
-# Jazzy's lifecycle node dies of a number that is impossible in its state: there both are asked only for what is possible.
+# Jazzy's lifecycle node dies of a number that is impossible in its state: there both are asked only for what is
+# possible.
 if version("ros-rclpy").startswith("7."):
     WALK_THROUGH = [asked for index, asked in enumerate(WALK_THROUGH) if index not in IMPOSSIBLE]
 
 
 def walk_through(managed):
     """What a node says at each step."""
-    said = [managed.states(), managed.transitions("get_transition_graph"), managed.state(), managed.transitions()]
+    observed = [managed.states(), managed.transitions("get_transition_graph"), managed.state(), managed.transitions()]
     for id, label in WALK_THROUGH:
-        said.append((id, label, managed.change(id, label), managed.state(), managed.transitions()))
-    return said
+        observed.append((id, label, managed.change(id, label), managed.state(), managed.transitions()))
+    return observed
 
 
 @pytest.fixture(scope="module")

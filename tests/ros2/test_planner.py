@@ -86,7 +86,7 @@ def test_a_goal_succeeds_with_feedback_for_every_iteration_and_its_gait_on_the_t
     assert goals.result(handle).result == result
 
 
-def test_a_goal_that_cannot_be_meant_is_aborted_and_says_why(goals):
+def test_an_invalid_goal_is_aborted_with_the_reason(goals):
     from action_msgs.msg import GoalStatus
 
     answer = goals.result(goals.send(behaviour="moonwalk"))
@@ -162,8 +162,8 @@ def test_every_field_of_a_request_reaches_the_gait(client, planner, fields, degr
     wait_until(lambda: gaits and gaits[-1].header.stamp == response.gait_stamp, 10, "the gait on its topic")
     gait = gaits[-1]
     client.node.destroy_subscription(subscription)
-    said = json.loads(gait.request_json)
-    assert {name: said[name] for name in fields} == fields
+    request = json.loads(gait.request_json)
+    assert {name: request[name] for name in fields} == fields
     # And the plan is another one for it.
     assert len(gait.second_coefficients_rad) == (72 if degree == "two steps" else 0)
     pose, legs = gait.initial_base_pose, gait.initial_joint_position_rad
@@ -197,7 +197,8 @@ def test_the_reference_is_the_one_that_was_asked_for(client, planner):
     own, compensated, joints, in_program = (gait(reference) for reference in ("", "compensated", "planned_joints", "in_program"))
     assert own.reference_coefficients_rad == compensated.reference_coefficients_rad != own.coefficients_rad
     assert joints.reference_coefficients_rad == joints.coefficients_rad == own.coefficients_rad
-    # The full-order program's joints lag behind the reference as the law leaves them: near the other plan, and another one.
+    # The full-order program's joints lag behind the reference as the law leaves them: near the other plan, and another
+    # one.
     difference = max(abs(a - b) for a, b in zip(in_program.reference_coefficients_rad, own.reference_coefficients_rad, strict=True))
     assert 1e-6 < difference < 0.5, difference
     assert in_program.reference_coefficients_rad != in_program.coefficients_rad

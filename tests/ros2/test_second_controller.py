@@ -1,4 +1,4 @@
-"""A second controller beside one that walks, and joint states and attitudes that lie, over DDS in realtime.
+"""A second controller beside one that walks, and wrong joint states and attitudes, over DDS in realtime.
 
 TANDEM_SECOND_TRIES=10 starts the second controller ten times; a run of all tests starts it twice.
 """
@@ -96,12 +96,12 @@ def test_another_publisher_of_commands_that_appears_is_a_fault_until_it_left(pro
     namespace = "/joined"
     nodes, client, states = walking(processes, ros, namespace)
     # Whose messages nobody takes for commands hurts nobody.
-    stranger = processes("examples/intruder", f"{namespace}/joint_command")
-    wait_until(lambda: "ready" in stranger.text(), 20, "the intruder sends")
+    intruder = processes("examples/intruder", f"{namespace}/joint_command")
+    wait_until(lambda: "ready" in intruder.text(), 20, "the intruder sends")
     since = len(states)
     time.sleep(1.0)
     assert len(states) > since and all(state.mode == "walking" for state in states[since:]), states[-1]
-    stranger.stop()
+    intruder.stop()
 
     named = lambda: "second_controller" in states[-1].fault
     for n in range(TRIES):
@@ -141,7 +141,7 @@ def test_two_controllers_that_start_at_once_are_never_both_content(processes, ro
 
 
 @pytest.mark.parametrize(
-    "lie, reason",
+    "mistake, reason",
     [
         ("zero_stamps", "messages with the stamp 0 s"),
         ("whole_seconds", "neither zero nor whole seconds are"),
@@ -152,15 +152,15 @@ def test_two_controllers_that_start_at_once_are_never_both_content(processes, ro
         ("two_parts_apart", None),
     ],
 )
-def test_inputs_that_lie_are_refused_with_the_true_reason_or_understood(processes, ros, lie, reason):
+def test_wrong_inputs_are_refused_with_the_true_reason_or_understood(processes, ros, mistake, reason):
     """No simulation: a driver of the test's own publishes the joints of a robot that sits."""
     from builtin_interfaces.msg import Time
     from diagnostic_msgs.msg import DiagnosticArray
     from sensor_msgs.msg import Imu, JointState
 
-    namespace = f"/lies/{lie}"
-    node = start(processes, "tandem_controller", *TIMEOUTS, namespace=namespace, name=lie)
-    client, reported = Client(f"driver_{lie}"), []
+    namespace = f"/wrong/{mistake}"
+    node = start(processes, "tandem_controller", *TIMEOUTS, namespace=namespace, name=mistake)
+    client, reported = Client(f"driver_{mistake}"), []
     client.node.create_subscription(
         DiagnosticArray, "/diagnostics", lambda array: reported.extend(s.message for s in array.status if namespace in s.name), 100
     )
@@ -173,31 +173,31 @@ def test_inputs_that_lie_are_refused_with_the_true_reason_or_understood(processe
     def publish():
         now = time.time_ns()
         stamp = Time(sec=now // 10**9, nanosec=now % 10**9)
-        if lie == "zero_stamps":
+        if mistake == "zero_stamps":
             stamp = Time()
-        elif lie == "whole_seconds":
+        elif mistake == "whole_seconds":
             stamp.nanosec = 0
         velocity = [0.0] * 12
-        if lie == "nan_velocity":
+        if mistake == "nan_velocity":
             velocity[4] = float("nan")
-        parts = [range(12)] if not lie.startswith("two_parts") else [range(6), range(6, 12)]
+        parts = [range(12)] if not mistake.startswith("two_parts") else [range(6), range(6, 12)]
         for k, part in enumerate(parts):
             message = JointState(name=[names[j] for j in part], position=[posture[j] for j in part], velocity=[velocity[j] for j in part])
             message.header.stamp = stamp
-            if lie == "two_parts_apart" and k == 1:
+            if mistake == "two_parts_apart" and k == 1:
                 later = now + 700_000
                 message.header.stamp = Time(sec=later // 10**9, nanosec=later % 10**9)
             joints.publish(message)
         attitude = Imu()
         attitude.header.stamp = stamp
         q = attitude.orientation
-        q.x, q.y, q.z, q.w = {"no_quaternion": (0.0, 0.0, 0.0, 0.0), "short_quaternion": (0.6, 0.0, 0.0, 0.0)}.get(lie, (0.0, 0.0, 0.0, 1.0))
+        q.x, q.y, q.z, q.w = {"no_quaternion": (0.0, 0.0, 0.0, 0.0), "short_quaternion": (0.6, 0.0, 0.0, 0.0)}.get(mistake, (0.0, 0.0, 0.0, 1.0))
         imu.publish(attitude)
 
     timer = client.node.create_timer(0.005, publish)
     wait_until(lambda: "disarmed" in node.text(), 30, lambda: node.text())
     time.sleep(2.0)
-    if lie == "whole_seconds":
+    if mistake == "whole_seconds":
         # Just after a whole second such a stamp is true.
         time.sleep((0.5 - time.time()) % 1.0)
     answer = trigger(client, namespace, "arm")

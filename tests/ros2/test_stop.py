@@ -141,7 +141,7 @@ def pressed_and_taken_back(robot, delay_s):
     return (damped[0] - pressed) if damped else None
 
 
-def test_a_press_is_not_lost_when_another_publisher_says_false_at_once(robot):
+def test_a_press_is_not_lost_when_another_publisher_sends_false_at_once(robot):
     took = {}
     for delay_ms in (0.0, 0.5, 2.0, 10.0):
         took[delay_ms] = [pressed_and_taken_back(robot, delay_ms / 1e3) for _ in range(TRIES)]
@@ -199,8 +199,8 @@ def test_the_stop_button_stops_by_its_key_and_releases_by_another(robot):
         robot.walk()
         os.write(terminal, b"q")
         assert button.wait(5) == 0, button.stderr.read()
-        said = button.stderr.read().decode()
-        assert "gone" in said, said
+        printed = button.stderr.read().decode()
+        assert "gone" in printed, printed
         print(f"damped {1e3 * took:.0f} ms after the key")
         time.sleep(0.2)
         assert robot.state().mode == "walking", "no heartbeat is asked for, so its end is none"

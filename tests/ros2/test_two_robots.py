@@ -26,7 +26,8 @@ def robots(processes, ros):
 def test_two_robots_walk_in_one_domain(robots, ros):
     from std_msgs.msg import Bool
 
-    # tf2_msgs has no wheel: Cyclone DDS, which only Kilted's environment has, reads /tf, from a structure made of geometry_msgs' own.
+    # tf2_msgs has no wheel: Cyclone DDS, which only Kilted's environment has, reads /tf, from a structure made of
+    # geometry_msgs' own.
     cyclone = Cyclone() if importlib.util.find_spec("cyclonedds") else None
     transforms = cyclone and cyclone.reader("/tf", "tf2_msgs/msg/TFMessage", "reliable")
     left, right = robots["left"], robots["right"]

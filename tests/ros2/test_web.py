@@ -1,4 +1,4 @@
-"""tandem show --web: the page, what it is told, and its stop button, beside controller and simulation on the wall clock."""
+"""tandem show --web: the page, what is sent to it, and its stop button, beside controller and simulation on the wall clock."""
 
 import http.client
 import json
@@ -221,7 +221,7 @@ def test_an_open_page_is_no_heartbeat_and_a_press_damps_until_the_page_releases(
     robot.stand()
     stream = threading.Thread(target=view.events, args=(8,), daemon=True)
     stream.start()
-    # The operator's own button falls silent: the open page does not speak for it.
+    # The operator's own button falls silent: the open page does not stand in for it.
     robot.held = False
     wait_until(lambda: robot.states[-1].fault == "emergency_stop", SEEN_WITHIN_S, lambda: robot.states[-1])
     robot.held = True
@@ -232,7 +232,7 @@ def test_an_open_page_is_no_heartbeat_and_a_press_damps_until_the_page_releases(
     print(f"damped, seen by a client {(time.monotonic() - begun) * 1e3:.0f} ms after the press")
     frame = view.frame()
     assert frame["stop"]["pressed"] and frame["state"]["mode"] == "damping"
-    # Longer than the heartbeat: it is repeated, and what another button says does not take it back.
+    # Longer than the heartbeat: it is repeated, and what another button sends does not take it back.
     time.sleep(3 * HEARTBEAT_S)
     assert view.frame()["stop"]["pressed"] and robot.states[-1].fault == "emergency_stop"
     assert view.press("/release") == 200
@@ -260,7 +260,7 @@ def test_the_page_works_in_chromium(robot, view, tmp_path):
         assert browser.run("document.documentElement.scrollWidth <= innerWidth")
         browser.run("document.getElementById('press').click()")
         wait_until(lambda: robot.states[-1].fault == "emergency_stop", SEEN_WITHIN_S, lambda: robot.states[-1])
-        browser.wait("document.getElementById('press').textContent === 'PRESSED' && document.getElementById('told').textContent.includes('damping')", 5)
+        browser.wait("document.getElementById('press').textContent === 'PRESSED' && document.getElementById('stop-state').textContent.includes('damping')", 5)
         browser.picture(tmp_path / "pressed.png")
         browser.run("document.getElementById('release').click()")
         browser.wait("document.getElementById('press').textContent === 'STOP'", 5)

@@ -1,6 +1,6 @@
 """check.py PROGRAMS PEER: nodes built with the feature `security` against Fast DDS (PEER, of peer.cpp), with keystores of sros2's form.
 
-Both ways: discovery, topics, services, encrypted as sros2's governance says. Strangers, another authority's and expired credentials are
+Both ways: discovery, topics, services, encrypted as sros2's governance says. Peers without credentials, with another authority's and expired credentials are
 kept out, and who may not arm does not.
 """
 
@@ -62,16 +62,16 @@ class Process:
         self.reader = threading.Thread(target=lambda: self.lines.extend(self.process.stdout), daemon=True)
         self.reader.start()
 
-    def said(self, what):
+    def printed(self, what):
         return [line.strip() for line in list(self.lines) if what in line]
 
     def wait_for(self, what, timeout_s=PATIENCE_S):
         end = time.monotonic() + timeout_s
-        while not self.said(what):
+        while not self.printed(what):
             assert time.monotonic() < end, f"no '{what}' in {timeout_s} s: {''.join(self.lines)}"
             assert self.process.poll() is None or self.reader.is_alive(), f"ended without '{what}': {''.join(self.lines)}"
             time.sleep(0.02)
-        return self.said(what)[0]
+        return self.printed(what)[0]
 
     def end(self):
         if self.process.poll() is None:
@@ -117,8 +117,8 @@ class Bench:
         peer = self.peer(enclave, "call", service, kind, HEADER + request, **options)
         peer.process.wait(PATIENCE_S + 15)
         peer.reader.join(5)
-        replies = peer.said("reply ")
-        assert replies or peer.said("unmatched") or peer.said("matched"), f"the peer says: {''.join(peer.lines)}"
+        replies = peer.printed("reply ")
+        assert replies or peer.printed("unmatched") or peer.printed("matched"), f"the peer says: {''.join(peer.lines)}"
         return answer(bytes.fromhex(replies[0].split()[1])) if replies else None
 
     def end(self):
@@ -134,8 +134,8 @@ def exercise(bench):
 
 
 @contextlib.contextmanager
-def overheard(found):
-    """Everything on the loopback is put into `found`. Without the right to look that is said, and `found` stays None."""
+def captured(found):
+    """Everything on the loopback is put into `found`. Without the right to look that is printed, and `found` stays None."""
     try:
         tap = socket.socket(socket.AF_PACKET, socket.SOCK_RAW, socket.htons(3))
     except PermissionError:
@@ -166,13 +166,13 @@ def test_a_topic_goes_both_ways_and_nobody_else_can_read_it(bench):
     exercise(bench)
     sent = joint_state("shoulder_of_the_robot")
     received = []
-    with overheard(received):
+    with captured(received):
         listener = bench.peer("remote", "listen", "/fast_output", JOINTS)
         bench.peer("remote", "talk", "/fast_input", JOINTS, sent)
         listener.wait_for("sample " + sent.hex())
         time.sleep(1)
     if received:
-        assert len(received[0]) > 10_000, "nothing was overheard, not even what is encrypted"
+        assert len(received[0]) > 10_000, "nothing was captured, not even what is encrypted"
         assert b"shoulder_of_the_robot" not in received[0]
 
 
@@ -188,7 +188,7 @@ def test_who_joins_takes_no_message_from_the_others(bench):
         bench.peer("remote", "listen", "/description", "std_msgs/msg/String")
         assert bench.call("remote", "/count", SET_BOOL, b"\x01") == (True, str(count))
     # A message that cannot be encrypted for one reader, with whom keys are still being exchanged, went to none.
-    assert not node.said("Failed to send message to readers"), node.said("Failed to send message to readers")
+    assert not node.printed("Failed to send message to readers"), node.printed("Failed to send message to readers")
 
 
 def test_after_a_short_outage_all_is_there_again(bench):
@@ -202,9 +202,9 @@ def test_after_a_short_outage_all_is_there_again(bench):
     finally:
         subprocess.run(["ip", "link", "set", "lo", "up", "multicast", "on"], check=True)
         subprocess.run(["ip", "route", "replace", "239.255.0.0/16", "dev", "lo"], check=True)
-    before = len(listener.said("sample"))
+    before = len(listener.printed("sample"))
     began = time.monotonic()
-    while len(listener.said("sample")) < before + 3:
+    while len(listener.printed("sample")) < before + 3:
         assert time.monotonic() < began + PATIENCE_S, f"nothing {PATIENCE_S} s after an outage of {OUTAGE_S} s: {''.join(node.lines)}"
         time.sleep(0.05)
     print(f"tests/security: after an outage of {OUTAGE_S} s samples after {time.monotonic() - began:.1f} s")
@@ -214,27 +214,27 @@ def test_a_service_of_theirs_answers_us(bench):
     exercise(bench)
     server = bench.peer("remote", "serve", "/remote", SET_BOOL, HEADER + b"\x01\0\0\0" + text("as you say"), seconds=60)
     assert bench.call("remote", "/relay", TRIGGER, b"\0") == (True, "as you say")
-    assert len(server.said("request")) == 1
+    assert len(server.printed("request")) == 1
 
 
 def kept_out(bench, enclave):
     node = exercise(bench)
     listener = bench.peer(enclave, "listen", "/fast_output", JOINTS, seconds=KEPT_OUT_S + 4)
-    stranger = bench.peer(enclave, "talk", "/fast_input", JOINTS, joint_state("stranger"), seconds=KEPT_OUT_S + 4)
+    intruder = bench.peer(enclave, "talk", "/fast_input", JOINTS, joint_state("intruder"), seconds=KEPT_OUT_S + 4)
     witness = bench.peer("remote", "listen", "/fast_output", JOINTS, seconds=60)
     assert bench.call(enclave, "/count", SET_BOOL, b"\x01", seconds=KEPT_OUT_S) is None
-    assert not node.said("call 1"), "a stranger's request was taken"
+    assert not node.printed("call 1"), "an intruder's request was taken"
     # Whoever belongs here is served meanwhile.
     assert bench.call("remote", "/count", SET_BOOL, b"\x01") == (True, "1")
     talker = bench.peer("remote", "talk", "/fast_input", JOINTS, joint_state("friend"), seconds=60)
     witness.wait_for("sample " + joint_state("friend").hex())
     talker.end()
-    for peer in (listener, stranger):
+    for peer in (listener, intruder):
         peer.process.wait(PATIENCE_S)
         peer.reader.join(5)
-    assert not listener.said("sample") and listener.said("unmatched"), listener.lines
-    assert stranger.said("unmatched"), stranger.lines
-    assert not witness.said(joint_state("stranger").hex()), "a stranger's message went through"
+    assert not listener.printed("sample") and listener.printed("unmatched"), listener.lines
+    assert intruder.printed("unmatched"), intruder.lines
+    assert not witness.printed(joint_state("intruder").hex()), "an intruder's message went through"
 
 
 def test_who_has_no_credentials_is_kept_out(bench):

@@ -24,8 +24,8 @@ SCMP_ACT_ALLOW, PR_SET_NO_NEW_PRIVS = 0x7FFF0000, 38
 
 
 def exposure(unit):
-    said = subprocess.run([ANALYZE, "security", "--offline=true", "--no-pager", unit], capture_output=True, text=True, check=True).stdout
-    return float(re.search(r"Overall exposure level for \S+: ([0-9.]+)", said)[1])
+    output = subprocess.run([ANALYZE, "security", "--offline=true", "--no-pager", unit], capture_output=True, text=True, check=True).stdout
+    return float(re.search(r"Overall exposure level for \S+: ([0-9.]+)", output)[1])
 
 
 def members(name, _cache={}):
@@ -33,8 +33,8 @@ def members(name, _cache={}):
     if not name.startswith("@"):
         return {name}
     if name not in _cache:
-        said = subprocess.run([ANALYZE, "syscall-filter", "--no-pager", name], capture_output=True, text=True, check=True).stdout
-        words = [line.strip() for line in said.splitlines()[1:] if line.strip() and not line.strip().startswith("#")]
+        output = subprocess.run([ANALYZE, "syscall-filter", "--no-pager", name], capture_output=True, text=True, check=True).stdout
+        words = [line.strip() for line in output.splitlines()[1:] if line.strip() and not line.strip().startswith("#")]
         _cache[name] = set().union(*(members(word) for word in words))
     return _cache[name]
 
@@ -61,7 +61,7 @@ def confine(calls, libseccomp):
 
 
 def runs(unit, libseccomp):
-    """Starts the unit's program under its filter; what it said if it did not come up or did not end in order."""
+    """Starts the unit's program under its filter; what it printed if it did not come up or did not end in order."""
     program = TARGET / unit.stem.replace("-", "_")
     calls = allowed(unit)
     environment = {**os.environ, "ROS_DOMAIN_ID": str(random.randint(1, 100)), "ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST"}
@@ -75,19 +75,19 @@ def runs(unit, libseccomp):
             [program, "--ros-args", "-p", "autostart:=true"], stdout=log, stderr=log, cwd=ROOT, env=environment,
             preexec_fn=lambda: confine(calls, libseccomp),
         )  # fmt: skip
-        said = lambda: pathlib.Path(log.name).read_text(errors="replace")
+        output = lambda: pathlib.Path(log.name).read_text(errors="replace")
         # Generous: nothing here is about time.
         deadline = time.monotonic() + 60
-        while READY[unit.stem] not in said() and process.poll() is None and time.monotonic() < deadline:
+        while READY[unit.stem] not in output() and process.poll() is None and time.monotonic() < deadline:
             time.sleep(0.05)
-        ready = READY[unit.stem] in said()
+        ready = READY[unit.stem] in output()
         process.send_signal(signal.SIGTERM)
         try:
             code = process.wait(60)
         except subprocess.TimeoutExpired:
             process.kill()
             code = process.wait()
-        return None if ready and code == 0 else f"code {code}; it said:\n{said()}"
+        return None if ready and code == 0 else f"code {code}; it printed:\n{output()}"
 
 
 def main():

@@ -1,4 +1,5 @@
-//! Writes a bag of large messages, for `tests/ros2/test_large.py`: `/large` of std_msgs/String, "NUMBER " and then x to the size.
+//! Writes a bag of large messages, for `tests/ros2/test_large.py`: `/large` of std_msgs/String, "NUMBER " and then x to
+//! the size.
 //!
 //! `cargo run --release -p bag --example large_bag -- FOLDER BYTES COUNT PERIOD_S`
 

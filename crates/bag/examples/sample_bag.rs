@@ -1,4 +1,5 @@
-//! Writes a bag whose content `tests/bag/check_recording.py` knows: every known type as a topic, messages on four of them.
+//! Writes a bag whose content `tests/bag/check_recording.py` knows: every known type as a topic, messages on four of
+//! them.
 //!
 //! `cargo run --release -p bag --example sample_bag -- FOLDER [SECONDS [SPLIT_BYTES]]`
 

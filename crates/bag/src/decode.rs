@@ -43,7 +43,8 @@ impl Value {
         }
     }
 
-    /// Calls `take` with the path and the value of everything inside that has no parts: `position[3]`, `header.stamp.sec`.
+    /// Calls `take` with the path and the value of everything inside that has no parts: `position[3]`,
+    /// `header.stamp.sec`.
     pub fn for_each_leaf(&self, take: &mut impl FnMut(&str, &Value)) {
         self.walk(&mut String::new(), take);
     }

@@ -1,7 +1,7 @@
 //! Reading one MCAP file: a strict, bounded scan of its records, and its messages in the order of time.
 //!
-//! The scan reads the data section only and trusts no index, so that a file with a damaged or missing summary gives the same
-//! messages as a whole one. Record layout: the MCAP specification, version 0.
+//! The scan reads the data section only and trusts no index, so that a file with a damaged or missing summary gives the
+//! same messages as a whole one. Record layout: the MCAP specification, version 0.
 
 use std::collections::BTreeMap;
 use std::fs::File;

@@ -28,8 +28,8 @@ pub struct Recovery {
 /// `.mcap` file, is only read.
 ///
 /// # Errors
-/// [`BagError::Exists`] if something is in `target`; [`BagError::BadFile`] if the source holds no MCAP file or a file in it is
-/// none (a file too short to hold even MCAP's mark counts as damage if others are there); [`BagError::Io`].
+/// [`BagError::Exists`] if something is in `target`; [`BagError::BadFile`] if the source holds no MCAP file or a file
+/// in it is none (a file too short to hold even MCAP's mark counts as damage if others are there); [`BagError::Io`].
 pub fn recover(source: impl AsRef<Path>, target: impl AsRef<Path>) -> Result<Recovery, BagError> {
     let (source, target) = (source.as_ref(), target.as_ref());
     let files = sources(source)?;

@@ -54,10 +54,10 @@ fn write_mixed(path: &Path) {
 }
 
 /// Topic, encoding, schema, what else is reported of the topic, times and number, content.
-type Said = (String, String, Option<mcap::Schema<'static>>, BTreeMap<String, String>, [u64; 3], Vec<u8>);
+type ForeignMessage = (String, String, Option<mcap::Schema<'static>>, BTreeMap<String, String>, [u64; 3], Vec<u8>);
 
 /// Everything that an MCAP file says of its messages, by another reader than ours.
-fn foreign_reading(folder: &Path) -> Vec<Said> {
+fn foreign_reading(folder: &Path) -> Vec<ForeignMessage> {
     let mut files = fs::read_dir(folder).unwrap().map(|entry| entry.unwrap().path());
     let file = files.find(|path| path.extension().is_some_and(|end| end == "mcap")).unwrap();
     let bytes = fs::read(file).unwrap();
@@ -135,7 +135,7 @@ fn a_recovered_bag_of_compressed_messages_can_be_read() {
 }
 
 #[test]
-fn what_mixed_publishers_offered_is_told_one_by_one_and_together() {
+fn what_mixed_publishers_offered_is_listed_one_by_one_and_together() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("two.mcap");
     let mut writer = mcap::Writer::new(fs::File::create(&path).unwrap()).unwrap();

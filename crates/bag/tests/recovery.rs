@@ -13,7 +13,8 @@ use common::{Random, read, text_cdr, write};
 
 const CHILD: &str = "BAG_TEST_KILLED_RECORDER";
 
-/// The child: records at 1 kHz until it is killed, and keeps saying how far it is (messages pushed; known to be on disk).
+/// The child: records at 1 kHz until it is killed, and keeps saying how far it is (messages pushed; known to be on
+/// disk).
 fn record_until_killed(folder: &Path) -> ! {
     let recorder = Recorder::start(folder.join("b"), RecorderOptions::default()).unwrap();
     let topic = recorder.topic("/words", "std_msgs/msg/String", Qos::reliable(10)).unwrap();
@@ -88,7 +89,7 @@ fn a_recorder_killed_at_any_time_loses_less_than_a_second() {
                 }
                 Err(error) => panic!("{error}"),
             };
-            assert!(saved >= written, "{saved} saved of {written} that were said to be on disk");
+            assert!(saved >= written, "{saved} saved of {written} that were reported to be on disk");
             // The child may have pushed a few more than it had time to say.
             let messages = read(&home.join("saved")).unwrap();
             assert_eq!(messages.len() as u64, saved);

@@ -104,7 +104,10 @@ impl Snapshot {
     }
 
     /// What the balance reports of itself.
-    pub(crate) fn balance_told(&self, config: &Config) -> (Option<Estimator>, Option<crate::balanced::BalanceReport>) {
+    pub(crate) fn balance_output(
+        &self,
+        config: &Config,
+    ) -> (Option<Estimator>, Option<crate::balanced::BalanceReport>) {
         let report = match &self.law {
             Law::Balanced(balanced) => Some(*balanced.report()),
             Law::Paper => None,

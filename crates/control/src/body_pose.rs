@@ -58,7 +58,7 @@ pub enum BodyPoseAnswer {
 }
 
 impl BodyPoseAnswer {
-    /// What people are told.
+    /// The sentence for people.
     pub fn text(self) -> &'static str {
         match self {
             Self::Taken => "taken",

@@ -25,8 +25,8 @@ pub enum DriveMode {
     /// At the drive: the whole tuple goes out.
     #[default]
     Impedance,
-    /// In the controller: kp = kd = 0 goes out and the torque carries the law. Damping still goes out as kd, because the
-    /// drive must damp without us.
+    /// In the controller: kp = kd = 0 goes out and the torque carries the law. Damping still goes out as kd, because
+    /// the drive must damp without us.
     Torque,
 }
 
@@ -99,7 +99,8 @@ pub struct Config {
     pub tracking_error_rad: f64,
     /// … for at most this long, s.
     pub tracking_error_s: f64,
-    /// In a walk that has grown to the whole gait, a joint whose command ranged over this while it stood still is stuck, rad.
+    /// In a walk that has grown to the whole gait, a joint whose command ranged over this while it stood still is
+    /// stuck, rad.
     pub stuck_rad: f64,
     /// A joint may exceed its velocity limit for at most this long, s.
     pub overspeed_s: f64,
@@ -328,8 +329,8 @@ mod tests {
             let mirrored = if j % 3 == 0 { -torque[j + 6] } else { torque[j + 6] };
             assert!((torque[j] - mirrored).abs() < 1e-9, "{torque:?}");
         }
-        // By hand: a quarter of 38 kg on each toe, 0.157 m outside the roll axis, less thigh and shank, which hang outside
-        // it themselves; and half the thigh's horizontal reach behind the knee.
+        // By hand: a quarter of 38 kg on each toe, 0.157 m outside the roll axis, less thigh and shank, which hang
+        // outside it themselves; and half the thigh's horizontal reach behind the knee.
         let leg_n = 38.0 * 9.81 / 4.0;
         let roll_nm = leg_n * 0.157 - 9.81 * (2.525 + 0.375) * 0.1;
         assert!((torque[0].abs() - roll_nm).abs() < 1.0, "{torque:?}");

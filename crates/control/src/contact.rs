@@ -15,7 +15,7 @@ const FILTER_S: f64 = 0.006;
 /// Shares of the robot's weight at which a foot has landed, and has lifted off.
 const LANDED: f64 = 0.10;
 const LIFTED: f64 = 0.05;
-/// Along a leg that is nearly straight torques tell little of the force: nothing is divided by less, m.
+/// Along a leg that is nearly straight torques say little about the force: nothing is divided by less, m.
 const SMALLEST_LEVER_M: f64 = 0.02;
 
 /// Which feet carry weight.
@@ -93,7 +93,7 @@ impl ContactEstimator {
     }
 }
 
-/// The force f on a toe of which joints feel the torques Jᵀ f, N, torso axes.
+/// The force f on a toe of which the joints bear the torques Jᵀ f, N, torso axes.
 pub(crate) fn toe_force_n(jacobian: &Matrix3<f64>, torque_nm: &Vector3<f64>) -> Vector3<f64> {
     let square = jacobian * jacobian.transpose() + Matrix3::identity() * SMALLEST_LEVER_M.powi(2);
     // Positive definite, unless something is not a number.

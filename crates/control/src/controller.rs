@@ -340,7 +340,7 @@ impl Controller {
         requests_refused_unseen: usize,
     ) -> Output {
         let Snapshot { day, watch, motion, command, cycles, stale_inputs, .. } = &self.memory;
-        let (estimate, balance) = self.memory.balance_told(&self.config);
+        let (estimate, balance) = self.memory.balance_output(&self.config);
         let q = watch.joints.map_or([0.0; JOINTS], |s| s.position_rad);
         Output {
             command: *command,

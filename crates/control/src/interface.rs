@@ -51,7 +51,7 @@ impl Request {
 pub struct Input<'a> {
     /// The newest joint state; the same again is fine.
     pub joints: Option<&'a JointState>,
-    /// The newest that the inertial unit said, where there is one and its data is received.
+    /// The inertial unit's newest measurement, where there is one and its data is received.
     pub inertial: Option<InertialState>,
     /// The newest velocity that was asked for, if one ever was: only the balanced law can go other than the gait.
     pub velocity: Option<VelocityCommand>,

@@ -20,7 +20,7 @@ pub(crate) enum Law {
     /// The paper's: the gait's clock and its plan, nothing measured.
     #[default]
     Paper,
-    /// The same law on a reference that follows what the robot feels.
+    /// The same law on a reference that follows what is measured.
     Balanced(Balanced),
 }
 

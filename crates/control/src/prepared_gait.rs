@@ -162,8 +162,8 @@ impl PreparedGait {
         self.gains(&self.kd, side)
     }
 
-    /// The mirrored step's torques are the first step's on the other side, and so are the gains that give them. A second step of
-    /// its own has its reference made for the joints' own gains.
+    /// The mirrored step's torques are the first step's on the other side, and so are the gains that give them. A
+    /// second step of its own has its reference made for the joints' own gains.
     fn gains(&self, gains: &[f64; JOINTS], side: StepSide) -> [f64; JOINTS] {
         if side == StepSide::First || self.second.is_some() {
             return *gains;

@@ -3,8 +3,8 @@
 use crate::{JOINTS, JointCommand};
 use std::time::Duration;
 
-/// A move between two commands. Position and velocity are continuous at both ends; gains and feed-forward torque go over
-/// along 3x² − 2x³.
+/// A move between two commands. Position and velocity are continuous at both ends; gains and feed-forward torque go
+/// over along 3x² − 2x³.
 #[derive(Clone, Copy, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
 pub(crate) struct Ramp {
     pub from: JointCommand,

@@ -85,7 +85,8 @@ pub enum Event {
     Walk,
     /// Operator: stop walking at the next switch.
     Stop,
-    /// On purpose only: start on the gait at its first instant, the robot being there already, as a simulator can put it.
+    /// On purpose only: start on the gait at its first instant, the robot being there already, as a simulator can put
+    /// it.
     StartOnGait,
     /// The posture that was moved to is reached.
     PostureReached,
@@ -232,8 +233,8 @@ pub enum Refusal {
 
 /// The transition function: the next mode, or why not. Nothing else in this software changes the mode.
 ///
-/// The controller's own events are never refused: where one means nothing, the mode stays. Operators' requests are refused
-/// where they would surprise; asking for what is already so is granted.
+/// The controller's own events are never refused: where one means nothing, the mode stays. Operators' requests are
+/// refused where they would surprise; asking for what is already so is granted.
 pub fn transition(mode: Mode, event: Event, guards: &Guards) -> Result<Mode, Refusal> {
     use Event as E;
     use Mode as M;

@@ -9,7 +9,7 @@ const JUMP_MARGIN_RAD: f64 = 0.1;
 /// Velocities this many times the limit are not believed.
 const IMPLAUSIBLE_VELOCITY: f64 = 3.0;
 /// A joint that was not received for longer than this many control periods may have moved away and back.
-const HEARD_CYCLES: f64 = 10.0;
+const RECEPTION_GAP_CYCLES: f64 = 10.0;
 
 /// What was measured, and for how long what is not as it should be.
 #[derive(Clone, Copy, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
@@ -179,7 +179,7 @@ impl Watch {
         let commanded = seen.commanded_rad[joint];
         let mut still = Still { position_rad: q, least_rad: commanded, most_rad: commanded, received: seen.now };
         // What was commanded while nothing was received of the joint is not held against it.
-        let gap = Duration::from_secs_f64(HEARD_CYCLES * seen.config.control_period_s);
+        let gap = Duration::from_secs_f64(RECEPTION_GAP_CYCLES * seen.config.control_period_s);
         if let Some(last) = self.still[joint]
             && (q - last.position_rad).abs() < STILL_RAD
             && seen.now.saturating_sub(last.received) <= gap

@@ -51,7 +51,7 @@ impl Bench {
         self.accelerated(memory, cycles, roll_rad, speed_m_s, 0.0)
     }
 
-    /// The same while the base speeds up by `ahead_m_s2`: `speed_m_s` is what its legs tell.
+    /// The same while the base speeds up by `ahead_m_s2`: `speed_m_s` is what its legs measure.
     fn accelerated(&self, memory: &mut Memory, cycles: u32, roll_rad: f64, speed_m_s: f64, ahead_m_s2: f64) -> Instant {
         let half = 0.5 * roll_rad;
         let mut last = None;

@@ -19,7 +19,8 @@ fn without_an_inertial_unit_balance_walks_the_papers_law_to_the_bit() {
         bench
     });
     off.unit = None;
-    let commands = |bench: &mut Bench| bench.run(3000).iter().map(|said| (said.command, said.mode)).collect::<Vec<_>>();
+    let commands =
+        |bench: &mut Bench| bench.run(3000).iter().map(|output| (output.command, output.mode)).collect::<Vec<_>>();
     assert_eq!(commands(&mut off), commands(&mut on));
 }
 
@@ -68,7 +69,7 @@ fn a_balanced_walk_goes_on_from_its_record_to_the_bit() {
         let snapshot: Snapshot = serde_json::from_str(&text).unwrap();
         let mut second = first.clone();
         second.controller = Controller::resume(first.controller.config().clone(), &snapshot).unwrap();
-        assert!(first.run(1).iter().all(|said| said.balance.is_some()), "it does not walk in balance");
+        assert!(first.run(1).iter().all(|output| output.balance.is_some()), "it does not walk in balance");
         second.run(1);
         assert_eq!(first.run(1500), second.run(1500), "from cycle {at}");
     }
@@ -95,8 +96,8 @@ fn an_old_velocity_is_walked_in_place() {
     assert_eq!(nan.at(bench.now, timeout_s), Velocity::default());
     // The same message for good: walked as long as it is fresh, and the stance stands still some time after.
     bench.velocity = Some(command);
-    let speed = |said: &[Output]| {
-        let v = said.last().unwrap().estimate.unwrap().velocity_m_s();
+    let speed = |outputs: &[Output]| {
+        let v = outputs.last().unwrap().estimate.unwrap().velocity_m_s();
         v[0].hypot(v[1])
     };
     let (driven, after) = (bench.run(450), bench.run(2500));
@@ -110,7 +111,7 @@ fn an_old_velocity_is_walked_in_place() {
 fn a_unit_that_falls_silent_is_estimate_lost() {
     let mut bench = Bench::walking(config(true));
     bench.run(700);
-    bench.speaks = false;
+    bench.unit_sends = false;
     let (cycles, output) = bench.until_fault(100);
     assert!(output.faults.contains(Fault::EstimateLost), "{:?}", output.faults);
     assert!(cycles <= 20 + 50 + 2, "{cycles}");
@@ -123,14 +124,14 @@ fn a_unit_that_falls_silent_is_estimate_lost() {
 }
 
 #[test]
-fn a_unit_that_says_what_cannot_be_is_estimate_lost() {
+fn a_unit_that_reports_what_cannot_be_is_estimate_lost() {
     let mut bench = Bench::walking(config(true));
     bench.run(700);
     bench.turning_rad_s[0] = 90.0;
     let (cycles, output) = bench.until_fault(100);
     assert!(output.faults.contains(Fault::EstimateLost), "{:?}", output.faults);
     assert!(cycles <= 50 + 2, "{cycles}");
-    measured("a_unit_that_says_what_cannot_be_is_estimate_lost", cycles);
+    measured("a_unit_that_reports_what_cannot_be_is_estimate_lost", cycles);
 }
 
 /// A short gap, as of lost messages, is walked over.
@@ -139,9 +140,9 @@ fn a_unit_that_is_silent_for_a_moment_is_walked_on() {
     let mut bench = Bench::walking(config(true));
     for _ in 0..10 {
         bench.run(100);
-        bench.speaks = false;
+        bench.unit_sends = false;
         bench.run(40);
-        bench.speaks = true;
+        bench.unit_sends = true;
     }
     assert_eq!(bench.controller.mode(), Mode::Walking);
 }

@@ -1,4 +1,4 @@
-//! A velocity begins a walk where the configuration wants it, and only where nothing speaks against it.
+//! A velocity begins a walk where the configuration wants it, and only where nothing forbids it.
 
 mod common;
 use common::balanced::{Bench, config, drive};
@@ -31,8 +31,8 @@ fn asked(bench: &mut Bench, forward_m_s: f64, cycles: usize) -> Vec<Output> {
     (0..cycles).map(|_| one(bench)).collect()
 }
 
-fn modes(said: &[Output]) -> Vec<Mode> {
-    let mut modes: Vec<_> = said.iter().map(|output| output.mode).collect();
+fn modes(outputs: &[Output]) -> Vec<Mode> {
+    let mut modes: Vec<_> = outputs.iter().map(|output| output.mode).collect();
     modes.dedup();
     modes
 }
@@ -41,13 +41,13 @@ fn modes(said: &[Output]) -> Vec<Mode> {
 fn a_velocity_begins_a_walk_its_silence_ends_it_and_so_again() {
     let mut bench = rested(heeding());
     for _ in 0..3 {
-        let said = asked(&mut bench, 0.3, 5 * CYCLES);
-        assert_eq!(modes(&said), [Mode::Starting, Mode::Walking]);
-        assert!(said.last().unwrap().estimate.unwrap().velocity_m_s()[0] > 0.2);
+        let outputs = asked(&mut bench, 0.3, 5 * CYCLES);
+        assert_eq!(modes(&outputs), [Mode::Starting, Mode::Walking]);
+        assert!(outputs.last().unwrap().estimate.unwrap().velocity_m_s()[0] > 0.2);
         // Silent: old after the timeout, walked in place, then it stands.
-        let said = bench.run(3 * CYCLES);
-        assert_eq!(modes(&said), [Mode::Walking, Mode::Stopping, Mode::Standing]);
-        let stopping = said.iter().position(|output| output.mode == Mode::Stopping).unwrap();
+        let outputs = bench.run(3 * CYCLES);
+        assert_eq!(modes(&outputs), [Mode::Walking, Mode::Stopping, Mode::Standing]);
+        let stopping = outputs.iter().position(|output| output.mode == Mode::Stopping).unwrap();
         let timeout_s = bench.controller.config().balance.unwrap().command_timeout_s;
         let expected = ((timeout_s + STAND_AFTER_S) * 1e3) as usize;
         assert!(stopping.abs_diff(expected) <= 2, "{stopping} instead of {expected} cycles");
@@ -59,8 +59,8 @@ fn a_velocity_of_zero_ends_a_walk_as_silence_does_and_begins_none() {
     let mut bench = rested(heeding());
     assert_eq!(modes(&asked(&mut bench, 0.0, 2 * CYCLES)), [Mode::Standing]);
     asked(&mut bench, 0.3, 3 * CYCLES);
-    let said = asked(&mut bench, 0.0, 3 * CYCLES);
-    assert_eq!(modes(&said), [Mode::Walking, Mode::Stopping, Mode::Standing]);
+    let outputs = asked(&mut bench, 0.0, 3 * CYCLES);
+    assert_eq!(modes(&outputs), [Mode::Walking, Mode::Stopping, Mode::Standing]);
     // While it still starts, likewise.
     asked(&mut bench, 0.3, CYCLES / 10);
     assert_eq!(bench.controller.mode(), Mode::Starting);
@@ -89,10 +89,10 @@ fn a_velocity_begins_no_walk_where_it_is_not_to() {
         assert_eq!(modes(&asked(&mut rested(config), 0.3, 2 * CYCLES)), [Mode::Standing]);
     }
     let mut bench = rested(heeding());
-    bench.speaks = false;
+    bench.unit_sends = false;
     bench.run(CYCLES);
     assert_eq!(modes(&asked(&mut bench, 0.3, CYCLES)), [Mode::Standing], "the estimate is not good");
-    bench.speaks = true;
+    bench.unit_sends = true;
     assert_eq!(modes(&asked(&mut bench, 0.3, CYCLES)), [Mode::Standing], "what was refused does not begin later");
     bench.run(2 * CYCLES);
     assert_eq!(modes(&asked(&mut bench, 0.3, CYCLES / 2)), [Mode::Starting], "and now it is good");
@@ -141,8 +141,8 @@ fn the_emergency_stop_damps_and_no_velocity_leads_out_of_it() {
     assert_eq!(bench.cycle(&[Request::Walk]).reply(0).map(|reply| reply.is_err()), Some(true));
     // Stood up again by a person while the key is held: it stands.
     bench.cycle(&[Request::Stand]);
-    let said = asked(&mut bench, 0.3, 4 * CYCLES);
-    assert_eq!(modes(&said), [Mode::StandingUp, Mode::Standing]);
+    let outputs = asked(&mut bench, 0.3, 4 * CYCLES);
+    assert_eq!(modes(&outputs), [Mode::StandingUp, Mode::Standing]);
 }
 
 /// A walk that an operator began goes on for as long as nobody has ever driven.

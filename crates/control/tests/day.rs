@@ -196,7 +196,8 @@ fn switches_do_not_drift() {
     assert!(last > 10_000);
 }
 
-/// Out of standing the gait's motion about its middle posture grows; velocities are the positions' derivatives all the way.
+/// Out of standing the gait's motion about its middle posture grows; velocities are the positions' derivatives all the
+/// way.
 #[test]
 fn out_of_standing_the_walk_grows_to_the_gait() {
     let c = config();

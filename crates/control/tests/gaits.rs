@@ -61,7 +61,7 @@ fn starting_on_the_gait_is_refused_unless_the_configuration_says_simulated() {
 }
 
 #[test]
-fn a_gait_whose_last_gains_stalled_is_walked_as_the_planner_said() {
+fn a_gait_whose_last_gains_stalled_is_walked_as_the_planner_decided() {
     let mut g = gait();
     g.solver.status = "acceptable".into();
     assert!(PreparedGait::new(&g, &config()).is_ok());

@@ -8,8 +8,8 @@ use std::time::Duration;
 #[global_allocator]
 static ALLOCATOR: realtime::CountingAllocator = realtime::CountingAllocator;
 
-/// Whether one mode may follow another from one cycle to the next, when an operator asked this in between, and wants it to walk or
-/// not. Written down anew, not taken from the controller's own table.
+/// Whether one mode may follow another from one cycle to the next, when an operator asked this in between, and wants it
+/// to walk or not. Written down anew, not taken from the controller's own table.
 fn may_follow(from: Mode, to: Mode, request: Option<Request>, wanted: bool) -> bool {
     use Mode as M;
     let asked = |wanted: &[Request]| request.is_some_and(|request| wanted.contains(&request));
@@ -42,6 +42,114 @@ fn may_follow(from: Mode, to: Mode, request: Option<Request>, wanted: bool) -> b
         }
 }
 
+/// What one cycle of a random day brings.
+struct Cycle<'a> {
+    state: JointState,
+    /// Whether the state is received.
+    present: bool,
+    request: Option<Request>,
+    gait: Option<&'a PreparedGait>,
+    inertial: Option<InertialState>,
+    is_event: bool,
+}
+
+/// The next cycle: an event now and then, seldom on a calm day.
+fn next_cycle<'a>(b: &mut Bench, random: &mut Random, calm: bool, gaits: &'a [PreparedGait; 3]) -> Cycle<'a> {
+    b.now += PERIOD;
+    let is_event = random.one_in(if calm { 400 } else { 40 });
+    let mut cycle = Cycle { state: b.state(), present: true, request: None, gait: None, inertial: None, is_event };
+    if !is_event {
+        if !calm && b.emergency_stop && random.one_in(50) {
+            b.emergency_stop = false;
+        }
+        return cycle;
+    }
+    let state = &mut cycle.state;
+    match random.next() % if calm { 9 } else { 20 } {
+        0 | 1 => cycle.request = Some(Request::Arm),
+        2 | 3 => cycle.request = Some(Request::Stand),
+        4 | 5 => cycle.request = Some(Request::Walk),
+        6 => cycle.request = Some(Request::Stop),
+        7 => cycle.request = Some(Request::Sit),
+        8 => cycle.gait = Some(&gaits[(random.next() % 3) as usize]),
+        9 => cycle.request = Some(Request::Disarm),
+        10 | 11 => {
+            let fault = Fault::ALL[(random.next() % Fault::ALL.len() as u64) as usize];
+            cycle.request = Some(Request::ClearFault(fault));
+        }
+        12 => state.position_rad[(random.next() % 12) as usize] = f64::NAN,
+        13 => state.velocity_rad_s[(random.next() % 12) as usize] = 200.0 * (random.share() - 0.5),
+        14 => state.position_rad[(random.next() % 12) as usize] += random.share() - 0.5,
+        15 => cycle.inertial = Some(rolled(2.0 * random.share())),
+        16 => b.now += Duration::from_millis(random.next() % 100),
+        17 => state.drive_error[3] = random.next() as u8,
+        18 => b.emergency_stop = !b.emergency_stop,
+        _ => cycle.present = false,
+    }
+    cycle
+}
+
+/// The modes follow one another as they may. `wanted`: to walk, by the operator's requests so far.
+fn check_order(last: &Output, output: &Output, request: Option<Request>, wanted: &mut bool) {
+    if let Some(Ok(_)) = output.replies[0] {
+        *wanted = match request {
+            Some(Request::Walk) => true,
+            Some(Request::Stop | Request::Stand | Request::Sit | Request::Disarm) => false,
+            _ => *wanted,
+        };
+    }
+    assert!(
+        may_follow(last.mode, output.mode, request, *wanted),
+        "{:?} → {:?} after {request:?}, walking {}",
+        last.mode,
+        output.mode,
+        if *wanted { "wanted" } else { "not wanted" }
+    );
+    *wanted &= !matches!(output.mode, Mode::Disarmed | Mode::Damping | Mode::Fault);
+}
+
+/// The command is what its mode allows, within every limit.
+fn check_command(c: &Config, cycle: &Cycle, last: Option<&Output>, output: &Output) {
+    assert!(output.command.is_finite());
+    match output.mode {
+        Mode::Disarmed => return assert_eq!(output.command, JointCommand::LIMP),
+        Mode::Damping | Mode::Fault => {
+            assert_eq!(output.command.kp, [0.0; JOINTS]);
+            return assert_eq!(output.command.torque_nm, [0.0; JOINTS]);
+        }
+        _ => assert!(output.faults.iter().all(|f| f.severity() == Severity::ControlledStop)),
+    }
+    let (q, v) = (cycle.state.position_rad, cycle.state.velocity_rad_s);
+    for j in 0..JOINTS {
+        let position = output.command.position_rad[j];
+        assert!((c.position_min_rad[j]..=c.position_max_rad[j]).contains(&position));
+        assert!(output.command.velocity_rad_s[j].abs() <= c.velocity_limit_rad_s[j]);
+        assert!(output.torque_nm[j].abs() <= c.torque_limit_nm[j]);
+        if let Some(last) = last.filter(|last| last.mode.is_moving()) {
+            let step = (position - last.command.position_rad[j]).abs();
+            let limit = c.velocity_limit_rad_s[j] * c.control_period_s;
+            assert!(step <= limit + 1e-12, "joint {j} stepped {step} rad of {limit}");
+        }
+        assert!(output.command.torque_nm[j].abs() <= c.torque_limit_nm[j] + 1e-9);
+        if cycle.present && q[j].is_finite() {
+            let torque = output.command.joint_torque(j, q[j], v[j]);
+            assert!(torque.abs() <= c.torque_limit_nm[j] + 1e-6, "joint {j}: {torque} N m");
+        }
+    }
+}
+
+/// A robot that follows with some noise, and stays where it is when nothing holds it.
+fn follow(b: &mut Bench, output: &Output, random: &mut Random) {
+    for j in 0..JOINTS {
+        if output.mode.is_moving() {
+            b.position_rad[j] = output.command.position_rad[j] + 0.01 * (random.share() - 0.5);
+            b.velocity_rad_s[j] = output.command.velocity_rad_s[j].clamp(-0.9, 0.9);
+        } else {
+            b.velocity_rad_s[j] = 0.0;
+        }
+    }
+}
+
 #[test]
 fn a_hundred_thousand_random_events_break_nothing() {
     let c = config();
@@ -62,49 +170,13 @@ fn a_hundred_thousand_random_events_break_nothing() {
         let mut last: Option<Output> = None;
         let mut wanted = false;
         for _ in 0..20_000 {
-            b.now += PERIOD;
-            let mut requests = [Request::Stop; 2];
-            let mut count = 0;
-            let mut gait = None;
-            let mut inertial = None;
-            let mut state = b.state();
-            let mut present = true;
-            if random.one_in(if calm { 400 } else { 40 }) {
-                events += 1;
-                let pick = random.next() % if calm { 9 } else { 20 };
-                count = 1;
-                match pick {
-                    0 | 1 => requests[0] = Request::Arm,
-                    2 | 3 => requests[0] = Request::Stand,
-                    4 | 5 => requests[0] = Request::Walk,
-                    6 => requests[0] = Request::Stop,
-                    7 => requests[0] = Request::Sit,
-                    8 => gait = Some(&gaits[(random.next() % 3) as usize]),
-                    9 => requests[0] = Request::Disarm,
-                    10 | 11 => {
-                        let fault = Fault::ALL[(random.next() % Fault::ALL.len() as u64) as usize];
-                        requests[0] = Request::ClearFault(fault);
-                    }
-                    12 => state.position_rad[(random.next() % 12) as usize] = f64::NAN,
-                    13 => state.velocity_rad_s[(random.next() % 12) as usize] = 200.0 * (random.share() - 0.5),
-                    14 => state.position_rad[(random.next() % 12) as usize] += random.share() - 0.5,
-                    15 => inertial = Some(rolled(2.0 * random.share())),
-                    16 => b.now += Duration::from_millis(random.next() % 100),
-                    17 => state.drive_error[3] = random.next() as u8,
-                    18 => b.emergency_stop = !b.emergency_stop,
-                    _ => present = false,
-                }
-                if pick >= 8 {
-                    count = usize::from(matches!(pick, 9..=11));
-                }
-            } else if !calm && b.emergency_stop && random.one_in(50) {
-                b.emergency_stop = false;
-            }
+            let cycle = next_cycle(&mut b, &mut random, calm, &gaits);
+            events += u64::from(cycle.is_event);
             let input = Input {
-                joints: present.then_some(&state),
-                inertial,
-                requests: &requests[..count],
-                gait,
+                joints: cycle.present.then_some(&cycle.state),
+                inertial: cycle.inertial,
+                requests: cycle.request.as_slice(),
+                gait: cycle.gait,
                 emergency_stop: b.emergency_stop,
                 ..Input::default()
             };
@@ -113,63 +185,11 @@ fn a_hundred_thousand_random_events_break_nothing() {
             assert_eq!(realtime::allocations_of_this_thread(), before, "a step allocated");
 
             seen[Mode::ALL.iter().position(|m| *m == output.mode).unwrap()] += 1;
-            assert!(output.command.is_finite());
-            if let Some(last) = last {
-                let request = requests[..count].first().copied();
-                if let Some(Ok(_)) = output.replies[0] {
-                    wanted = match request {
-                        Some(Request::Walk) => true,
-                        Some(Request::Stop | Request::Stand | Request::Sit | Request::Disarm) => false,
-                        _ => wanted,
-                    };
-                }
-                assert!(
-                    may_follow(last.mode, output.mode, request, wanted),
-                    "{:?} → {:?} after {request:?}, walking {}",
-                    last.mode,
-                    output.mode,
-                    if wanted { "wanted" } else { "not wanted" }
-                );
-                wanted &= !matches!(output.mode, Mode::Disarmed | Mode::Damping | Mode::Fault);
+            if let Some(last) = &last {
+                check_order(last, &output, cycle.request, &mut wanted);
             }
-            match output.mode {
-                Mode::Disarmed => assert_eq!(output.command, JointCommand::LIMP),
-                Mode::Damping | Mode::Fault => {
-                    assert_eq!(output.command.kp, [0.0; JOINTS]);
-                    assert_eq!(output.command.torque_nm, [0.0; JOINTS]);
-                }
-                _ => {
-                    assert!(output.faults.iter().all(|f| f.severity() == Severity::ControlledStop));
-                    let (q, v) = (state.position_rad, state.velocity_rad_s);
-                    for j in 0..JOINTS {
-                        let position = output.command.position_rad[j];
-                        assert!((c.position_min_rad[j]..=c.position_max_rad[j]).contains(&position));
-                        assert!(output.command.velocity_rad_s[j].abs() <= c.velocity_limit_rad_s[j]);
-                        assert!(output.torque_nm[j].abs() <= c.torque_limit_nm[j]);
-                        if let Some(last) = last
-                            && last.mode.is_moving()
-                        {
-                            let step = (position - last.command.position_rad[j]).abs();
-                            let limit = c.velocity_limit_rad_s[j] * c.control_period_s;
-                            assert!(step <= limit + 1e-12, "joint {j} stepped {step} rad of {limit}");
-                        }
-                        assert!(output.command.torque_nm[j].abs() <= c.torque_limit_nm[j] + 1e-9);
-                        if present && q[j].is_finite() {
-                            let torque = output.command.joint_torque(j, q[j], v[j]);
-                            assert!(torque.abs() <= c.torque_limit_nm[j] + 1e-6, "joint {j}: {torque} N m");
-                        }
-                    }
-                }
-            }
-            // A robot that follows with some noise, and stays where it is when nothing holds it.
-            for j in 0..JOINTS {
-                if output.mode.is_moving() {
-                    b.position_rad[j] = output.command.position_rad[j] + 0.01 * (random.share() - 0.5);
-                    b.velocity_rad_s[j] = output.command.velocity_rad_s[j].clamp(-0.9, 0.9);
-                } else {
-                    b.velocity_rad_s[j] = 0.0;
-                }
-            }
+            check_command(&c, &cycle, last.as_ref(), &output);
+            follow(&mut b, &output, &mut random);
             last = Some(output);
         }
     }

@@ -269,7 +269,7 @@ impl Bipeds {
             Side::Front => *pairing,
             Side::Rear => pairing.inverse(),
         };
-        // The leading biped feels −λc if it is the front one, +λc if it is the rear one.
+        // On the leading biped −λc acts if it is the front one, +λc if it is the rear one.
         let sign = if lead == Side::Front { 1.0 } else { -1.0 };
         let (q_follow, v_follow) = (pairing.position(q), pairing.rate(v));
         let Self { front, rear, front_data, rear_data, system, zero, toes } = self;

@@ -135,7 +135,7 @@ fn a_step_ends_with_the_landing_toes_at_rest() {
 }
 
 #[test]
-fn what_cannot_be_simulated_is_said() {
+fn what_cannot_be_simulated_is_reported() {
     let robot = vision60();
     let start = State { time_s: 0.0, q: posture(&[0.1; 18]).to_vec(), v: vec![0.0; 18] };
     let run = |options: Options, controller: fn(f64, &[f64], &[f64], &mut [f64])| {

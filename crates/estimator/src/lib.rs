@@ -270,7 +270,7 @@ impl Estimator {
         self.attitude_xyzw = [attitude.i, attitude.j, attitude.k, attitude.w];
     }
 
-    /// Level with the unit's own attitude, else with the vertical that it feels; yaw and position go on.
+    /// Level with the unit's own attitude, else with the vertical that it measures; yaw and position go on.
     fn begin(&mut self, data: &Inertial) {
         let (yaw_rad, position_m, distance_m, time_s) = (self.yaw_rad(), self.position_m, self.distance_m, self.time_s);
         *self = Self { health: Health::Good, position_m, distance_m, time_s, ..Self::default() };

@@ -1,6 +1,7 @@
-//! The gait file: JSON, format "tandem-gait". Version 1 is a gait whose second step mirrors the first; version 2 is version 1 and
-//! a `second_step` of its own. A gait is written in the lowest version that can carry it, so that a reader of version 1 reads
-//! every gait that it can walk, and refuses, by its version, a gait that it would walk wrongly.
+//! The gait file: JSON, format "tandem-gait". Version 1 is a gait whose second step mirrors the first; version 2 is
+//! version 1 and a `second_step` of its own. A gait is written in the lowest version that can carry it, so that a
+//! reader of version 1 reads every gait that it can walk, and refuses, by its version, a gait that it would walk
+//! wrongly.
 
 use crate::error::GaitError;
 use crate::types::{Gait, GaitFile, SecondStep};

@@ -1,5 +1,5 @@
-//! A quadruped's gait as the tracking law sees it: Bézier polynomials of the twelve joints over one step, the left–right
-//! mirror that gives the next step, and the file that carries both (Ma & Ames 2020, II-C and IV).
+//! A quadruped's gait as the tracking law sees it: Bézier polynomials of the twelve joints over one step, the
+//! left–right mirror that gives the next step, and the file that carries both (Ma & Ames 2020, II-C and IV).
 //!
 //! Legs are 0 front-left, 1 rear-left, 2 front-right, 3 rear-right; joints 12-vectors in the order leg × (hip roll, hip
 //! pitch, knee). In the first step legs 1 and 2 stand and legs 0 and 3 swing.
@@ -30,7 +30,8 @@ pub use validate::MAX_NAME_CHARS;
 pub use version::{FILE_FORMAT, FILE_VERSION, FILE_VERSION_TWO_STEPS, MAX_FILE_BYTES};
 
 impl Gait {
-    /// What the tracking law follows at phase `s` ∈ [0, 1] of a step: positions rad, velocities rad/s. Does not allocate.
+    /// What the tracking law follows at phase `s` ∈ [0, 1] of a step: positions rad, velocities rad/s. Does not
+    /// allocate.
     pub fn reference(&self, side: StepSide, s: f64) -> ([f64; JOINTS], [f64; JOINTS]) {
         let second = self.second_step.as_ref().map(|second| &second.reference_coefficients_rad);
         self.evaluate(&self.reference_coefficients_rad, second, side, s)

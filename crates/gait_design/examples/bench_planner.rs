@@ -1,4 +1,5 @@
-//! Times of the planner on the Vision 60, one `name = value` line each; `launch-scripts/bench planner` runs it on one core.
+//! Times of the planner on the Vision 60, one `name = value` line each; `launch-scripts/bench planner` runs it on one
+//! core.
 //!
 //! bench_planner times | memory | library GAITS THREADS
 
@@ -91,8 +92,9 @@ fn times(robot: &Robot) {
     };
     println!("full_order_ratio = {:.2}", mean_ms_by(robot, &large, 3, whole) / large_ms);
 
-    // 1,000 changes of speed by 0.1 m/s or of clearance by 2 cm, each from a gait somewhere in the range, so that no request comes twice.
-    // By one planner that remembers its gaits, and by one that starts from the gait before the change.
+    // 1,000 changes of speed by 0.1 m/s or of clearance by 2 cm, each from a gait somewhere in the range, so that no
+    // request comes twice. By one planner that remembers its gaits, and by one that starts from the gait before the
+    // change.
     for (name, mut planner) in [("warm", Planner::with_memory(robot)), ("warm_from_last", Planner::new(robot))] {
         let mut request = GaitRequest::named("amble", robot).expect("a behaviour's own name");
         let mut between_0_and_1 = random();
@@ -203,7 +205,7 @@ fn memory(robot: &Robot) {
         let request = GaitRequest::named(name, robot).expect("a behaviour's own name");
         black_box(solve(robot, &request, &PlanOptions::default()));
     }
-    let status = std::fs::read_to_string("/proc/self/status").expect("Linux tells a process' memory");
+    let status = std::fs::read_to_string("/proc/self/status").expect("Linux reports a process' memory");
     let line = status.lines().find(|l| l.starts_with("VmHWM:")).expect("the status has the largest resident memory");
     let kilobytes: f64 = line.split_whitespace().nth(1).and_then(|v| v.parse().ok()).expect("a number of kB");
     println!("planner_rss_mb = {:.1}", kilobytes / 1024.0);

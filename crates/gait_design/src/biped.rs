@@ -1,5 +1,5 @@
-//! The two bipeds of the decomposition at one instant of the step: everything a point of the program needs, in the front
-//! biped's coordinates (q_r = A q_f, Ma & Ames 2020, II-C).
+//! The two bipeds of the decomposition at one instant of the step: everything a point of the program needs, in the
+//! front biped's coordinates (q_r = A q_f, Ma & Ames 2020, II-C).
 
 use decomposition::{Pairing, Side};
 use nalgebra::{Matrix3xX, SMatrix, SVector, Vector3};
@@ -163,8 +163,8 @@ impl BipedPair {
         (toe.position, toe.jacobian.fixed_columns::<3>(first).into_owned())
     }
 
-    /// Inverse dynamics of both bipeds and the motion of the four toes, for the front biped's q, q̇, q̈ and the ground forces
-    /// λ1, λ2 in N.
+    /// Inverse dynamics of both bipeds and the motion of the four toes, for the front biped's q, q̇, q̈ and the ground
+    /// forces λ1, λ2 in N.
     pub(crate) fn evaluate(
         &mut self,
         q: &[f64; DOF],

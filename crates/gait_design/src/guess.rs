@@ -1,5 +1,5 @@
-//! A start for the solver: the body glides at constant height and speed, stance toes stay where they are, swing toes follow
-//! a smooth arc; joints by inverse kinematics, fitted by Bézier polynomials.
+//! A start for the solver: the body glides at constant height and speed, stance toes stay where they are, swing toes
+//! follow a smooth arc; joints by inverse kinematics, fitted by Bézier polynomials.
 
 use crate::biped::{BipedPair, PointDynamics};
 use crate::program::{DOF, DecomposedProgram, layout as at};

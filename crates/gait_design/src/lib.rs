@@ -1,5 +1,6 @@
 //! Gait generation by the dynamics decomposition of Ma & Ames 2020: a request becomes a nonlinear program for the front
-//! biped, its solution is recomposed to the quadruped's gait, and the reference that the tracking law follows is fitted.
+//! biped, its solution is recomposed to the quadruped's gait, and the reference that the tracking law follows is
+//! fitted.
 //!
 //! ```no_run
 //! # fn show(robot: &robot::Robot) -> Result<(), Box<dyn std::error::Error>> {
@@ -77,8 +78,8 @@ pub enum Reference {
     Compensated,
     /// The planned joints themselves. The robot sags by torque over stiffness: for comparison.
     PlannedJoints,
-    /// The reference planned inside the full-order program, as the polynomials whose tracking gives the torques: the joints
-    /// are where the law leads them (docs/mathematics.md, 6).
+    /// The reference planned inside the full-order program, as the polynomials whose tracking gives the torques: the
+    /// joints are where the law leads them (docs/mathematics.md, 6).
     InProgram,
 }
 
@@ -147,7 +148,7 @@ pub struct Plan {
 /// Why there is no gait.
 #[derive(Debug, thiserror::Error)]
 pub enum PlanError {
-    /// The request cannot be meant.
+    /// The request is invalid.
     #[error(transparent)]
     Request(#[from] RequestError),
     /// No posture of the legs fits the request.
@@ -185,11 +186,11 @@ pub enum PlanError {
     Gait(#[from] GaitError),
 }
 
-/// Plans one gait. `progress` sees every iteration of the solver and may stop it. The same request and options give the same
-/// gait. For one gait after the other, [`Planner`] saves the setting up.
+/// Plans one gait. `progress` sees every iteration of the solver and may stop it. The same request and options give the
+/// same gait. For one gait after the other, [`Planner`] saves the setting up.
 ///
-/// On a slope the world's x–y plane is the slope's surface and gravity is turned: the gait's initial state and the robot's
-/// height are relative to the surface.
+/// On a slope the world's x–y plane is the slope's surface and gravity is turned: the gait's initial state and the
+/// robot's height are relative to the surface.
 pub fn plan(
     robot: &Robot,
     request: &GaitRequest,

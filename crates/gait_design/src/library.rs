@@ -1,9 +1,9 @@
-//! A library of gaits: a grid of requests, solved row by row, each from its neighbours' solutions; and what lies between
-//! the grid's points, by interpolation, with the violation that this costs stated.
+//! A library of gaits: a grid of requests, solved row by row, each from its neighbours' solutions; and what lies
+//! between the grid's points, by interpolation, with the violation that this costs stated.
 //!
 //! A library is a text file, one line a gait, so that it can be written while it is solved and taken up again after an
-//! interruption: a header with the robot and the grid, then one line for each point in any order. Every line begins with the
-//! CRC-32 of the rest, in hexadecimal.
+//! interruption: a header with the robot and the grid, then one line for each point in any order. Every line begins
+//! with the CRC-32 of the rest, in hexadecimal.
 //!
 //! This module opens no file and starts no thread: [`Library::solve_row`] can be called for different rows at once.
 

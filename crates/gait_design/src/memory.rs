@@ -1,8 +1,8 @@
-//! What a planner remembers of the gaits it has solved, and where it starts from with them (Mansard et al., Using a memory of
-//! motion to efficiently warm-start a nonlinear predictive controller, ICRA 2018).
+//! What a planner remembers of the gaits it has solved, and where it starts from with them (Mansard et al., Using a
+//! memory of motion to efficiently warm-start a nonlinear predictive controller, ICRA 2018).
 //!
-//! The unknowns are a smooth function of the request's numbers but for kinks where a limit becomes active. A Gaussian process through
-//! the nearest remembered gaits carries them over to a new request.
+//! The unknowns are a smooth function of the request's numbers but for kinks where a limit becomes active. A Gaussian
+//! process through the nearest remembered gaits carries them over to a new request.
 
 use crate::request::GaitRequest;
 use nalgebra::{DMatrix, DVector};

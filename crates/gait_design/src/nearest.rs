@@ -9,12 +9,13 @@ use robot::Robot;
 use std::collections::BTreeSet;
 use std::ops::ControlFlow;
 
-/// How often the way between what works and what does not is halved: what is found is within 1/128 of the way of the limit.
+/// How often the way between what works and what does not is halved: what is found is within 1/128 of the way of the
+/// limit.
 const HALVINGS: u32 = 7;
 /// A search's solves that have not converged by then will not, or not to a gait worth proposing.
 const MAX_ITERATIONS: u32 = 40;
-/// Nor those that had to relax so many subproblems. A relaxed one takes a hundred times as long as another, and a request far from
-/// what can be planned relaxes nearly all: its search took a minute.
+/// Nor those that had to relax so many subproblems. A relaxed one takes a hundred times as long as another, and a
+/// request far from what can be planned relaxes nearly all: its search took a minute.
 const MAX_RELAXED: usize = 4;
 
 /// One number of a request that has to change.
@@ -61,7 +62,10 @@ impl std::fmt::Display for Nearest {
 
 /// A request that was not planned, and what to ask instead.
 #[derive(Debug, thiserror::Error)]
-#[error("{error}{}", nearest.as_ref().map_or_else(String::new, |n| format!("; nearest request that can be planned: {n}")))]
+#[error(
+    "{error}{}",
+    nearest.as_ref().map_or_else(String::new, |n| format!("; nearest request that can be planned: {n}"))
+)]
 pub struct Refusal {
     /// Why.
     pub error: Box<PlanError>,
@@ -69,8 +73,8 @@ pub struct Refusal {
     pub nearest: Option<Box<Nearest>>,
 }
 
-/// [`plan`], and if there is no gait, [`nearest`]. `progress` sees the first solve, `go_on` is asked before and during the
-/// search's.
+/// [`plan`], and if there is no gait, [`nearest`]. `progress` sees the first solve, `go_on` is asked before and during
+/// the search's.
 pub fn plan_or_nearest(
     robot: &Robot,
     request: &GaitRequest,
@@ -86,8 +90,8 @@ pub fn plan_or_nearest(
 }
 
 /// Looks for the last request that can be planned on the straight way from the behaviour's own values (Table I's, the
-/// robot's) to the asked ones. A number that is not finite is replaced by the behaviour's own, one out of its range by the
-/// range's end. None if the behaviour is unknown, its own request has no gait, or `go_on` ends the search at once.
+/// robot's) to the asked ones. A number that is not finite is replaced by the behaviour's own, one out of its range by
+/// the range's end. None if the behaviour is unknown, its own request has no gait, or `go_on` ends the search at once.
 pub fn nearest(
     robot: &Robot,
     asked: &GaitRequest,

@@ -21,8 +21,9 @@ impl Planner {
         Self::of(robot, false)
     }
 
-    /// A planner that starts a request from the gaits before it, which takes half the iterations. Its gaits are those of
-    /// [`Planner::new`] to within the solver's tolerances, but not to the bit: they depend on what was planned before.
+    /// A planner that starts a request from the gaits before it, which takes half the iterations. Its gaits are those
+    /// of [`Planner::new`] to within the solver's tolerances, but not to the bit: they depend on what was planned
+    /// before.
     pub fn with_memory(robot: &Robot) -> Self {
         Self::of(robot, true)
     }
@@ -35,7 +36,7 @@ impl Planner {
     ///
     /// # Errors
     ///
-    /// If the request cannot be meant or has no gait.
+    /// If the request is invalid or has no gait.
     pub fn plan(
         &mut self,
         request: &GaitRequest,

@@ -1,4 +1,5 @@
-//! From the front biped's solution to the quadruped's gait (Ma & Ames 2020, II-C and III), checked by the full-order model.
+//! From the front biped's solution to the quadruped's gait (Ma & Ames 2020, II-C and III), checked by the full-order
+//! model.
 
 use crate::PlanError;
 use crate::program::{DOF, DecomposedProgram, layout as at};
@@ -12,8 +13,8 @@ use robot::Robot;
 /// tolerance is 1e-5.
 pub(crate) const BALANCE_TOLERANCE: f64 = 1e-3;
 
-/// The whole robot at one point of a plan. Coordinates are (x, y, z, roll, pitch, yaw, 12 joints), z of the base measured
-/// from the toe centres' plane; velocities are their plain derivatives.
+/// The whole robot at one point of a plan. Coordinates are (x, y, z, roll, pitch, yaw, 12 joints), z of the base
+/// measured from the toe centres' plane; velocities are their plain derivatives.
 #[derive(Clone, Debug, PartialEq)]
 pub struct PlanPoint {
     /// s = t / T.
@@ -175,8 +176,8 @@ fn body_rates([roll, pitch, _]: [f64; 3], [droll, dpitch, dyaw]: [f64; 3]) -> [f
     [droll - sp * dyaw, cr * dpitch + sr * cp * dyaw, -sr * dpitch + cr * cp * dyaw]
 }
 
-/// B̃ with kp B̃ + kd dB̃/dt = u + kp q + kd q̇ along the plan: the bare law u = −kp (q − B̃) − kd (q̇ − dB̃/dt) then gives
-/// the planned torque on the planned motion. Least squares over the points, one polynomial a joint.
+/// B̃ with kp B̃ + kd dB̃/dt = u + kp q + kd q̇ along the plan: the bare law u = −kp (q − B̃) − kd (q̇ − dB̃/dt) then
+/// gives the planned torque on the planned motion. Least squares over the points, one polynomial a joint.
 pub(crate) fn compensated_reference(
     robot: &Robot,
     points: &[PlanPoint],

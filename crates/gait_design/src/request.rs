@@ -24,15 +24,16 @@ pub struct GaitRequest {
     pub half_width_m: f64,
     /// Slope of the ground along the walk, rad; positive is uphill.
     pub slope_rad: f64,
-    /// Slope of the ground across the walk, rad; positive rises to the left. The mirror does not hold there: two steps are planned
-    /// ([`crate::plan_full_order`]).
+    /// Slope of the ground across the walk, rad; positive rises to the left. The mirror does not hold there: two steps
+    /// are planned ([`crate::plan_full_order`]).
     #[serde(default, skip_serializing_if = "is_zero")]
     pub sideways_slope_rad: f64,
-    /// Pitch that the torso is held at, rad; positive lowers its nose. Other than 0 it takes the full-order program, whose rear legs
-    /// are not tied to the front ones.
+    /// Pitch that the torso is held at, rad; positive lowers its nose. Other than 0 it takes the full-order program,
+    /// whose rear legs are not tied to the front ones.
     #[serde(default, skip_serializing_if = "is_zero")]
     pub torso_pitch_rad: f64,
-    /// Roll that the torso is held at, rad; positive lowers its right side. The mirror does not hold there: two steps are planned.
+    /// Roll that the torso is held at, rad; positive lowers its right side. The mirror does not hold there: two steps
+    /// are planned.
     #[serde(default, skip_serializing_if = "is_zero")]
     pub torso_roll_rad: f64,
     /// Friction coefficient that the ground forces may use.
@@ -71,7 +72,7 @@ pub fn step_duration_from_stride_frequency(frequency_hz: f64) -> f64 {
     1.0 / (2.0 * frequency_hz)
 }
 
-/// A request that cannot be meant.
+/// An invalid request.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum RequestError {
     /// No behaviour of that name.

@@ -1,16 +1,18 @@
-//! Whether a gait is a stable periodic motion under the tracking law: the multipliers of the step-to-step map (Ma & Ames 2020
-//! claim periodic stability in section IV).
+//! Whether a gait is a stable periodic motion under the tracking law: the multipliers of the step-to-step map (Ma &
+//! Ames 2020 claim periodic stability in section IV).
 //!
-//! The map takes the full robot's state at the start of a step, q and q̇ with 36 entries, to the state at the start of the next,
-//! mirrored back. Linearised about the plan it is
+//! The map takes the full robot's state at the start of a step, q and q̇ with 36 entries, to the state at the start of
+//! the next, mirrored back. Linearised about the plan it is
 //!
 //! > P = S · I · C · Φ
 //!
-//! - Φ: the motion for T on stance toes 1 and 2 that neither slip nor leave the floor, with τ = u − kp (q − B) − kd (q̇ − Ḃ): the
-//!   law on the compensated reference, which gives the planned torque u on the planned motion (mathematics.md, 6).
-//! - C: toes 0 and 3, which the clock sets down at T whether or not they are on the floor, are brought to it, by the change of
-//!   posture of least kinetic metric that leaves toes 1 and 2 where they stand.
-//! - I: the plastic impact of toes 0 and 3 (paper II-D). The plan's touchdown is soft, so the plan itself does not feel it.
+//! - Φ: the motion for T on stance toes 1 and 2 that neither slip nor leave the floor, with τ = u − kp (q − B) − kd (q̇
+//!   − Ḃ): the law on the compensated reference, which gives the planned torque u on the planned motion
+//!   (mathematics.md, 6).
+//! - C: toes 0 and 3, which the clock sets down at T whether or not they are on the floor, are brought to it, by the
+//!   change of posture of least kinetic metric that leaves toes 1 and 2 where they stand.
+//! - I: the plastic impact of toes 0 and 3 (paper II-D). The plan's touchdown is soft, so that it changes
+//!   nothing of the plan itself.
 //! - S: the left–right mirror.
 //!
 //! The map is computed where a step can begin: stance toes on the floor and at rest, wherever they are. There the
@@ -21,10 +23,11 @@
 //!
 //! > P = (I · C · Φ)₂ · (I · C · Φ)₁.
 //!
-//! Where the robot is and, on level ground, where it is heading do not matter to it: x, y and yaw have multipliers of modulus 1 by
-//! symmetry, which are set apart. On a slope only x and y are. If all the others are inside the unit circle, the gait is stable in this model. The converse does not hold for
-//! the robot: a toe that is too low lands before T and catches the fall, which a linear map of steps with touchdown by the clock
-//! cannot show. docs/planning.md has the measurement: MuJoCo's own map has these multipliers once its touchdown is by the clock.
+//! Where the robot is and, on level ground, where it is heading do not matter to it: x, y and yaw have multipliers of
+//! modulus 1 by symmetry, which are set apart. On a slope only x and y are. If all the others are inside the unit
+//! circle, the gait is stable in this model. The converse does not hold for the robot: a toe that is too low lands
+//! before T and catches the fall, which a linear map of steps with touchdown by the clock cannot show. docs/planning.md
+//! has the measurement: MuJoCo's own map has these multipliers once its touchdown is by the clock.
 
 mod flow;
 mod generator;
@@ -56,7 +59,8 @@ const PARTS: usize = 7;
 pub struct Stability {
     /// Of everything that is not neutral, largest modulus first.
     pub multipliers: Vec<Complex>,
-    /// Of x, y and, on level ground, yaw: modulus 1 by symmetry. How far they are from it tells how exact the others are.
+    /// Of x, y and, on level ground, yaw: modulus 1 by symmetry. How far they are from it tells how exact the others
+    /// are.
     pub neutral: Vec<Complex>,
 }
 
@@ -67,8 +71,8 @@ impl Stability {
     }
 }
 
-/// The multipliers of a plan's step-to-step map, or of its stride's. `points` and `second_points` are [`crate::Plan`]'s. For a plan on a
-/// slope, `robot` is [`crate::on_slope`]'s.
+/// The multipliers of a plan's step-to-step map, or of its stride's. `points` and `second_points` are
+/// [`crate::Plan`]'s. For a plan on a slope, `robot` is [`crate::on_slope`]'s.
 ///
 /// # Errors
 ///

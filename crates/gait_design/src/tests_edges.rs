@@ -85,7 +85,7 @@ fn a_step_too_long_for_the_legs_is_refused_by_its_length() {
 }
 
 #[test]
-fn what_can_be_meant_but_not_walked_says_which_limit_binds() {
+fn a_valid_request_that_cannot_be_walked_names_the_binding_limit() {
     let robot = vision60();
     let mut request = GaitRequest::named("gait1", &robot).unwrap();
     request.torque_limit_nm = [50.0, 50.0, 20.0];
@@ -376,7 +376,7 @@ fn long_steps_of_the_full_order_program_keep_to_the_stance_rolls_polynomials() {
 /// Request 24 of `bench requests --seed 2`: feasible from iteration 12 on, and the merit's tail stalls at steps of
 /// 1/64. It was refused at the iteration limit.
 #[test]
-fn a_request_whose_last_gains_stall_is_planned_and_said_to_be_acceptable() {
+fn a_request_whose_last_gains_stall_is_planned_and_called_acceptable() {
     let robot = vision60();
     let request = GaitRequest {
         step_duration_s: 0.5838924745948644,

@@ -175,9 +175,9 @@ fn a_step_that_is_not_finite_is_an_error_and_not_a_search_for_eigenvalues_withou
 #[test]
 fn what_the_solver_calls_a_solution_the_controller_walks() {
     for status in [Status::Converged, Status::Acceptable, Status::IterationLimit, Status::Cancelled] {
-        let (said, is_solution) = (status.to_string(), status.is_solution());
+        let (name, is_solution) = (status.to_string(), status.is_solution());
         let summary =
-            gait::SolverSummary { status: said, iterations: 1, solve_time_s: 0.0, max_violation: 0.0, objective: 0.0 };
+            gait::SolverSummary { status: name, iterations: 1, solve_time_s: 0.0, max_violation: 0.0, objective: 0.0 };
         assert_eq!(summary.is_solution(), is_solution, "{status}");
     }
 }

@@ -1,5 +1,6 @@
-//! The paper's Fig. "bi2quad": one step of the full-order quadruped, simulated from the gait's start under the input–output
-//! linearising law, beside the plan of the decomposed front biped. Nothing of the decomposition is used here.
+//! The paper's Fig. "bi2quad": one step of the full-order quadruped, simulated from the gait's start under the
+//! input–output linearising law, beside the plan of the decomposed front biped. Nothing of the decomposition is used
+//! here.
 
 use crate::PlanError;
 use crate::recompose::PlanPoint;
@@ -57,12 +58,13 @@ const SIMULATED_FINER: usize = 5;
 pub enum StepLaw {
     /// Input–output linearising about the planned joints' polynomials: for joints that are prescribed.
     Linearising,
-    /// The tracking law about the gait's reference, for a reference that was planned with it ([`crate::Reference::InProgram`]).
+    /// The tracking law about the gait's reference, for a reference that was planned with it
+    /// ([`crate::Reference::InProgram`]).
     Tracking,
 }
 
-/// Simulates a step of a plan, that of `points`, with the full-order model and compares. For a plan on a slope, `robot` is
-/// [`crate::on_slope`]'s.
+/// Simulates a step of a plan, that of `points`, with the full-order model and compares. For a plan on a slope, `robot`
+/// is [`crate::on_slope`]'s.
 ///
 /// # Errors
 ///
@@ -237,9 +239,9 @@ impl StepComparison {
     }
 }
 
-/// What a plan's motion does between the program's points, on a grid ten times finer: positions, velocities, accelerations and
-/// forces by the interpolants that Hermite–Simpson collocation stands for, torques by the full-order inverse dynamics. Each
-/// number is the largest on the grid.
+/// What a plan's motion does between the program's points, on a grid ten times finer: positions, velocities,
+/// accelerations and forces by the interpolants that Hermite–Simpson collocation stands for, torques by the full-order
+/// inverse dynamics. Each number is the largest on the grid.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct BetweenPoints {
     /// How far a stance toe is from where it stood, m.
@@ -319,7 +321,8 @@ pub fn between_points(robot: &Robot, request: &GaitRequest, gait: &Gait, points:
         let [p0, p1, p2] = three else { unreachable!("windows of three") };
         for part in 0..=2 * FINER {
             let s = part as f64 / (2 * FINER) as f64;
-            // Weights of the three values in the quadratic through them at s and, in units of h, in its integral from 0.
+            // Weights of the three values in the quadratic through them at s and, in units of h, in its integral from
+            // 0.
             let value = [(1.0 - s) * (1.0 - 2.0 * s), 4.0 * s * (1.0 - s), s * (2.0 * s - 1.0)];
             let integral = [
                 s - 1.5 * s * s + 2.0 / 3.0 * s * s * s,

@@ -1,8 +1,8 @@
 //! What the control loop costs on this machine: `launch-scripts/bench control`.
 //!
-//! Prints `step_median_us` (one step of a walking controller), `codec_ns` (one command encoded, or one reply decoded, on
-//! average), and `loop_p99_us` (lateness of the wakes of a 1 kHz loop that reads twelve emulated drives, steps and writes), with
-//! the histogram they come from. An argument is the length of that loop in seconds, 60 by default.
+//! Prints `step_median_us` (one step of a walking controller), `codec_ns` (one command encoded, or one reply decoded,
+//! on average), and `loop_p99_us` (lateness of the wakes of a 1 kHz loop that reads twelve emulated drives, steps and
+//! writes), with the histogram they come from. An argument is the length of that loop in seconds, 60 by default.
 
 #[path = "../tests/common/mod.rs"]
 mod common;

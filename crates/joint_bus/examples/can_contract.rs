@@ -1,6 +1,6 @@
-//! The contract of every backend, kept by SocketCAN on real interfaces, with MIT frames and with register frames: part of what
-//! `tests/can/run` runs in a virtual machine, where `can0` to `can3` are virtual interfaces. Any failure ends it with an exit status
-//! other than 0.
+//! The contract of every backend, kept by SocketCAN on real interfaces, with MIT frames and with register frames: part
+//! of what `tests/can/run` runs in a virtual machine, where `can0` to `can3` are virtual interfaces. Any failure ends
+//! it with an exit status other than 0.
 
 #[path = "../tests/common/mod.rs"]
 mod common;

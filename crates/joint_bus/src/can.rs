@@ -21,8 +21,8 @@ pub struct CanLink {
     clock: StampClock,
 }
 
-/// The kernel stamps frames with the wall clock; the loop lives on the monotonic one. A step of the wall clock must make no
-/// frame old or young.
+/// The kernel stamps frames with the wall clock; the loop lives on the monotonic one. A step of the wall clock must
+/// make no frame old or young.
 #[derive(Clone, Copy, Debug, Default)]
 struct StampClock {
     /// Wall minus monotonic clock when it was looked at last, ns.
@@ -31,8 +31,8 @@ struct StampClock {
     set_at: Duration,
 }
 
-/// The two clocks are read one after the other, maybe with a pause between; a step smaller than this is believed, and makes
-/// a frame older by no more than this.
+/// The two clocks are read one after the other, maybe with a pause between; a step smaller than this is believed, and
+/// makes a frame older by no more than this.
 const CLOCK_STEP: i128 = 5_000_000;
 
 impl StampClock {
@@ -52,7 +52,8 @@ fn since_epoch(time: SystemTime) -> Duration {
 }
 
 impl CanLink {
-    /// Opens an interface, such as `can0`. Bit rates are the interface's own (`ip link set can0 type can bitrate 1000000`).
+    /// Opens an interface, such as `can0`. Bit rates are the interface's own (`ip link set can0 type can bitrate
+    /// 1000000`).
     pub fn open(interface: &str) -> Result<Self, LinkError> {
         Self::open_with(interface, None)
     }
@@ -183,8 +184,8 @@ impl Link for CanLink {
     }
 }
 
-/// Puts an error frame on an interface, as its driver would: for tests of what happens then. `class` is the frame's class as in
-/// linux/can/error.h, without the error flag.
+/// Puts an error frame on an interface, as its driver would: for tests of what happens then. `class` is the frame's
+/// class as in linux/can/error.h, without the error flag.
 pub fn send_error_frame(interface: &str, class: u32, data: &[u8; 8]) -> Result<(), LinkError> {
     let unfit = |source| LinkError::Unfit { interface: interface.into(), source };
     let frame =
@@ -199,7 +200,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn error_frames_are_told_apart() {
+    fn error_frames_are_distinguished() {
         let error = |class: u32, data: [u8; 8]| decode_error(&CanErrorFrame::new_error(class, &data).unwrap());
         assert_eq!(error(0x40, [0; 8]), Incoming::BusOff);
         assert_eq!(error(0x100, [0; 8]), Incoming::Restarted);
@@ -221,7 +222,8 @@ mod tests {
         assert_eq!(clock.arrival(now, wall, wall - ms(3)), now - ms(3));
         // Old frames are old: after a pause of this process they must not look fresh.
         assert_eq!(clock.arrival(now + ms(500), wall + ms(500), wall), now);
-        // An hour forward, an hour back: frames from before are as old as their reading, those behind it are stamped well.
+        // An hour forward, an hour back: frames from before are as old as their reading, those behind it are stamped
+        // well.
         for (wall, step) in [(wall + ms(3_600_000), 600), (wall - ms(3_600_000), 700)] {
             let (now, wall) = (now + ms(step), wall + ms(step));
             assert_eq!(clock.arrival(now, wall, Duration::from_secs(1_000_000)), now, "the first frame");

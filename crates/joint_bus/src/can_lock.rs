@@ -9,7 +9,7 @@ use std::os::unix::net::{SocketAddr, UnixListener};
 #[derive(Debug)]
 pub struct CanLock {
     _name: UnixListener,
-    /// Tells the one that is refused whose the interface is.
+    /// Says whose the interface is, for the one that is refused.
     _holder: Option<UnixListener>,
 }
 

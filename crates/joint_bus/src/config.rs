@@ -142,6 +142,82 @@ impl From<FileRanges> for Ranges {
 }
 
 impl File {
+    /// Everything but the joints' and the inertial unit's own values.
+    fn check(&self, robot: &str) -> Result<(), BusConfigError> {
+        let refuse = |key: &str, problem: String| Err(BusConfigError::Value { key: key.into(), problem });
+        if self.format != FORMAT || self.version != VERSION {
+            return refuse(
+                "format and version",
+                format!("are \"{}\" and {}, expected \"{FORMAT}\" and {VERSION}", self.format, self.version),
+            );
+        }
+        if self.robot != robot {
+            return refuse("robot", format!("is \"{}\", this robot is \"{robot}\"", self.robot));
+        }
+        if self.interfaces.is_empty() || self.interfaces.len() > JOINTS {
+            let problem = format!("has {} entries, expected 1 to {JOINTS}", self.interfaces.len());
+            return refuse("interfaces", problem);
+        }
+        let highest = self.protocol.largest_host_id();
+        if self.host_id > highest {
+            return refuse("host_id", format!("is {}, expected 0 to {highest}", self.host_id));
+        }
+        if self.joints.len() != JOINTS {
+            return refuse("joints", format!("has {} entries, expected {JOINTS}", self.joints.len()));
+        }
+        Ok(())
+    }
+
+    /// How the joint of that name is driven; `others` are those before it.
+    fn wiring(&self, name: &str, others: &[JointWiring]) -> Result<JointWiring, BusConfigError> {
+        let Some(joint) = self.joints.iter().find(|joint| joint.name == name) else {
+            return Err(BusConfigError::Value { key: "joints".into(), problem: format!("lack \"{name}\"") });
+        };
+        let refuse =
+            |field: &str, problem: String| Err(BusConfigError::Value { key: format!("{field} of {name}"), problem });
+        if joint.interface >= self.interfaces.len() {
+            let last = self.interfaces.len() - 1;
+            return refuse("interface", format!("is {}, there are interfaces 0 to {last}", joint.interface));
+        }
+        if joint.id == 0 || joint.id > 127 || u32::from(joint.id) == self.host_id {
+            return refuse("id", format!("is {}, expected 1 to 127 and not host_id", joint.id));
+        }
+        if joint.sign.abs() != 1.0 {
+            return refuse("sign", format!("is {}, expected 1 or -1", joint.sign));
+        }
+        if !(0.01..=1000.0).contains(&joint.gear_ratio) {
+            return refuse("gear_ratio", format!("is {}, expected 0.01 to 1000", joint.gear_ratio));
+        }
+        if !(-7.0..=7.0).contains(&joint.zero_rad) {
+            return refuse("zero_rad", format!("is {}, expected -7 to 7", joint.zero_rad));
+        }
+        let r = joint.ranges.unwrap_or(self.ranges);
+        for (field, value) in [
+            ("ranges.position_rad", r.position_rad),
+            ("ranges.velocity_rad_s", r.velocity_rad_s),
+            ("ranges.kp_nm_per_rad", r.kp_nm_per_rad),
+            ("ranges.kd_nm_s_per_rad", r.kd_nm_s_per_rad),
+            ("ranges.torque_nm", r.torque_nm),
+        ] {
+            if !(value > 0.0 && value <= 1e5) {
+                return refuse(field, format!("is {value}, expected more than 0, at most 1e5"));
+            }
+        }
+        if let Some(twin) = others.iter().find(|w| w.interface == joint.interface && w.id == joint.id) {
+            return refuse("id", format!("is {}, as that of {} on the same interface", joint.id, twin.name));
+        }
+        Ok(JointWiring {
+            name: name.to_owned(),
+            interface: joint.interface,
+            id: joint.id,
+            sign: joint.sign,
+            gear_ratio: joint.gear_ratio,
+            zero_rad: joint.zero_rad,
+            ranges: r.into(),
+            limits: self.limits(r.torque_nm)?,
+        })
+    }
+
     fn inertial(&self) -> Result<Option<InertialWiring>, BusConfigError> {
         let Some(FileInertial { interface, id }) = self.inertial else { return Ok(None) };
         let refuse = |key: &str, problem: String| Err(BusConfigError::Value { key: key.into(), problem });
@@ -193,77 +269,11 @@ impl BusConfig {
     /// A bus file's text, for the robot of that name with those joints.
     pub fn from_toml_str(text: &str, robot: &str, joint_names: &[String; JOINTS]) -> Result<Self, BusConfigError> {
         let file: File = toml::from_str(text)?;
-        let refuse = |key: String, problem: String| Err(BusConfigError::Value { key, problem });
-        if file.format != FORMAT || file.version != VERSION {
-            return refuse(
-                "format and version".into(),
-                format!("are \"{}\" and {}, expected \"{FORMAT}\" and {VERSION}", file.format, file.version),
-            );
-        }
-        if file.robot != robot {
-            return refuse("robot".into(), format!("is \"{}\", this robot is \"{robot}\"", file.robot));
-        }
-        if file.interfaces.is_empty() || file.interfaces.len() > JOINTS {
-            let problem = format!("has {} entries, expected 1 to {JOINTS}", file.interfaces.len());
-            return refuse("interfaces".into(), problem);
-        }
-        let (inertial, highest) = (file.inertial()?, file.protocol.largest_host_id());
-        if file.host_id > highest {
-            return refuse("host_id".into(), format!("is {}, expected 0 to {highest}", file.host_id));
-        }
-        if file.joints.len() != JOINTS {
-            return refuse("joints".into(), format!("has {} entries, expected {JOINTS}", file.joints.len()));
-        }
+        file.check(robot)?;
+        let inertial = file.inertial()?;
         let mut wiring = Vec::with_capacity(JOINTS);
         for name in joint_names {
-            let Some(joint) = file.joints.iter().find(|joint| joint.name == *name) else {
-                return refuse("joints".into(), format!("lack \"{name}\""));
-            };
-            let key = |field: &str| format!("{field} of {name}");
-            if joint.interface >= file.interfaces.len() {
-                let problem =
-                    format!("is {}, there are interfaces 0 to {}", joint.interface, file.interfaces.len() - 1);
-                return refuse(key("interface"), problem);
-            }
-            if joint.id == 0 || joint.id > 127 || u32::from(joint.id) == file.host_id {
-                return refuse(key("id"), format!("is {}, expected 1 to 127 and not host_id", joint.id));
-            }
-            if joint.sign.abs() != 1.0 {
-                return refuse(key("sign"), format!("is {}, expected 1 or -1", joint.sign));
-            }
-            if !(0.01..=1000.0).contains(&joint.gear_ratio) {
-                return refuse(key("gear_ratio"), format!("is {}, expected 0.01 to 1000", joint.gear_ratio));
-            }
-            if !(-7.0..=7.0).contains(&joint.zero_rad) {
-                return refuse(key("zero_rad"), format!("is {}, expected -7 to 7", joint.zero_rad));
-            }
-            let r = joint.ranges.unwrap_or(file.ranges);
-            for (field, value) in [
-                ("ranges.position_rad", r.position_rad),
-                ("ranges.velocity_rad_s", r.velocity_rad_s),
-                ("ranges.kp_nm_per_rad", r.kp_nm_per_rad),
-                ("ranges.kd_nm_s_per_rad", r.kd_nm_s_per_rad),
-                ("ranges.torque_nm", r.torque_nm),
-            ] {
-                if !(value > 0.0 && value <= 1e5) {
-                    return refuse(key(field), format!("is {value}, expected more than 0, at most 1e5"));
-                }
-            }
-            if let Some(twin) =
-                wiring.iter().find(|w: &&JointWiring| w.interface == joint.interface && w.id == joint.id)
-            {
-                return refuse(key("id"), format!("is {}, as that of {} on the same interface", joint.id, twin.name));
-            }
-            wiring.push(JointWiring {
-                name: name.clone(),
-                interface: joint.interface,
-                id: joint.id,
-                sign: joint.sign,
-                gear_ratio: joint.gear_ratio,
-                zero_rad: joint.zero_rad,
-                ranges: r.into(),
-                limits: file.limits(r.torque_nm)?,
-            });
+            wiring.push(file.wiring(name, &wiring)?);
         }
         let joints = wiring
             .try_into()

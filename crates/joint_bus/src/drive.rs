@@ -110,8 +110,8 @@ impl DriveCommand {
 
 /// A protocol: frames to and from drives, seen from both ends. `id` is the drive's number on its bus.
 ///
-/// Numbers out of a drive's range are sent as the range's end: limits are the controller's task, done before. Every frame to
-/// a drive is answered by it, so that [`DriveRequest::Exit`] also serves to ask a drive at rest for its state.
+/// Numbers out of a drive's range are sent as the range's end: limits are the controller's task, done before. Every
+/// frame to a drive is answered by it, so that [`DriveRequest::Exit`] also serves to ask a drive at rest for its state.
 pub trait Protocol {
     /// Whether a drive can be asked where it is without an order: whether [`DriveRequest::Query`] has a frame.
     fn has_query(&self) -> bool;

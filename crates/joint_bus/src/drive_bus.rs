@@ -1,27 +1,22 @@
 //! What the control cycle sees: twelve joints.
 
-use crate::reply_balance::ReplyBalance;
+use crate::link_state::LinkState;
 use crate::{
-    BusConfig, BusHealth, DriveCommand, DriveRequest, Frame, Incoming, InertialUnit, Link, LinkError, LinkHealth,
-    Protocol, Readings,
+    BusConfig, BusHealth, DriveCommand, DriveRequest, Frame, Incoming, InertialUnit, Link, LinkError, Protocol,
+    Readings,
 };
 use joints::{Fault, FaultReport, InertialState, JOINTS, JointCommand};
 use std::time::Duration;
 
 /// Frames taken from one link in one cycle: more than it can bring at 1 Mbit/s in 20 ms.
 const FRAMES_PER_READ: usize = 256;
-/// First pause before a link is opened again, doubled up to [`LONGEST_PAUSE`].
-const FIRST_PAUSE: Duration = Duration::from_millis(10);
-const LONGEST_PAUSE: Duration = Duration::from_secs(1);
 /// A damped drive with an error is commanded to enter again once in so many cycles.
 const REENTER_EVERY: u64 = 50;
-/// A link that breaks again this soon has not been mended: the pauses go on growing.
-const STEADY: Duration = Duration::from_secs(2);
 /// A link that is down for longer than this is a fault; a shorter break is bridged by the drives holding their command.
 const DOWN_FAULT: Duration = Duration::from_millis(5);
 /// A command of somebody else is reported for so long: longer than one lost cycle, short enough that the fault can be
 /// cleared once the other is gone.
-const STRANGER_MEMORY: Duration = Duration::from_millis(500);
+const SECOND_MASTER_MEMORY: Duration = Duration::from_millis(500);
 /// Someone wants to arm: so long the drives' first answers are waited for, and so long the drives are asked.
 const FIRST_ANSWERS: Duration = Duration::from_millis(100);
 const ASKED_TO_ARM: Duration = Duration::from_secs(1);
@@ -57,19 +52,6 @@ pub trait JointBus {
     fn health(&self) -> BusHealth;
 }
 
-struct LinkState<L> {
-    link: L,
-    health: LinkHealth,
-    retry_at: Duration,
-    pause: Duration,
-    opened_at: Duration,
-    balance: ReplyBalance,
-    /// When somebody else commanded a drive here last, and its joint.
-    stranger: Option<(Duration, usize)>,
-    /// Which joint a drive's number belongs to.
-    joint_of: [Option<u8>; 128],
-}
-
 /// Joints on drives on links.
 pub struct DriveBus<P, L> {
     protocol: P,
@@ -80,7 +62,7 @@ pub struct DriveBus<P, L> {
     entered: [bool; JOINTS],
     /// What each drive reported last.
     errors: [u8; JOINTS],
-    /// Whether the drives were ever on: who never was tells them nothing.
+    /// Whether the drives were ever on: who never was commands them nothing.
     was_on: bool,
     /// When someone wanted to arm, before the drives were ever on.
     asked_to_arm: Option<Duration>,
@@ -108,16 +90,7 @@ impl<P: Protocol, L: Link> DriveBus<P, L> {
                         joint_of[usize::from(joint.id)] = Some(j as u8);
                     }
                 }
-                LinkState {
-                    link,
-                    health: LinkHealth::default(),
-                    retry_at: Duration::ZERO,
-                    pause: FIRST_PAUSE,
-                    opened_at: Duration::ZERO,
-                    balance: ReplyBalance::default(),
-                    stranger: None,
-                    joint_of,
-                }
+                LinkState::new(link, joint_of)
             })
             .collect();
         Self {
@@ -155,8 +128,8 @@ impl<P: Protocol, L: Link> DriveBus<P, L> {
         let state = &mut self.links[n];
         let (frame, at) = match incoming {
             Incoming::Frame(frame, at) => (frame, at.unwrap_or(now)),
-            Incoming::BusOff => return broke(state, now),
-            Incoming::Restarted => return mended(state),
+            Incoming::BusOff => return state.broke(now),
+            Incoming::Restarted => return state.mended(),
             Incoming::ErrorPassive | Incoming::BusError => {
                 state.health.bus_errors += 1;
                 return;
@@ -179,7 +152,7 @@ impl<P: Protocol, L: Link> DriveBus<P, L> {
         let w = &self.config.joints[j];
         readings.position_rad[j] = w.sign * reply.position_rad / w.gear_ratio + w.zero_rad;
         readings.velocity_rad_s[j] = w.sign * reply.velocity_rad_s / w.gear_ratio;
-        readings.torque_told = true;
+        readings.torque_reported = true;
         readings.torque_nm[j] = w.sign * reply.torque_nm * w.gear_ratio;
         if let Some(temperature) = reply.temperature_c {
             readings.temperature_c.get_or_insert([temperature; JOINTS])[j] = temperature;
@@ -203,20 +176,20 @@ impl<P: Protocol, L: Link> DriveBus<P, L> {
         state.health.commands_of_others += 1;
         let echo = state.health.reopened > 0 && now.saturating_sub(state.opened_at) < OWN_ECHO;
         if !echo {
-            state.stranger = Some((now, j));
+            state.second_master = Some((now, j));
         }
     }
 
     /// What a link brings before this has sent anything: the joint that somebody else commands.
-    pub fn hear_stranger(&mut self, now: Duration) -> Option<(&str, &str)> {
+    pub fn listen_for_second_master(&mut self, now: Duration) -> Option<(&str, &str)> {
         self.read(now, &mut Readings::default());
-        let (n, j) = self.links.iter().enumerate().find_map(|(n, state)| Some((n, state.stranger?.1)))?;
+        let (n, j) = self.links.iter().enumerate().find_map(|(n, state)| Some((n, state.second_master?.1)))?;
         Some((&self.config.interfaces[n], &self.config.joints[j].name))
     }
 
-    fn stranger(&self, now: Duration) -> Option<FaultReport> {
+    fn second_master_fault(&self, now: Duration) -> Option<FaultReport> {
         self.links.iter().find_map(|state| {
-            let (_, j) = state.stranger.filter(|(at, _)| now.saturating_sub(*at) < STRANGER_MEMORY)?;
+            let (_, j) = state.second_master.filter(|(at, _)| now.saturating_sub(*at) < SECOND_MASTER_MEMORY)?;
             Some(FaultReport {
                 fault: Fault::SecondController,
                 joint: Some(j),
@@ -227,7 +200,7 @@ impl<P: Protocol, L: Link> DriveBus<P, L> {
     }
 
     /// Whether a drive may be commanded to rest only to learn where it is.
-    fn may_tell_to_rest(&self, now: Duration) -> bool {
+    fn may_command_rest(&self, now: Duration) -> bool {
         let wanted = self.asked_to_arm.is_some_and(|asked| now.saturating_sub(asked) < ASKED_TO_ARM);
         self.was_on || self.config.ask_before_arming || wanted
     }
@@ -240,7 +213,7 @@ impl<P: Protocol, L: Link> DriveBus<P, L> {
         if !self.was_on && self.protocol.has_query() {
             return Some(DriveRequest::Query);
         }
-        self.may_tell_to_rest(now).then_some(DriveRequest::Exit)
+        self.may_command_rest(now).then_some(DriveRequest::Exit)
     }
 
     fn order(&self, j: usize, command: &JointCommand) -> DriveRequest {
@@ -272,53 +245,26 @@ fn commanded(protocol: &impl Protocol, config: &BusConfig, n: usize, frame: &Fra
     })
 }
 
-fn broke<L>(state: &mut LinkState<L>, now: Duration) {
-    if state.health.down_since.is_none() {
-        state.health.down_since = Some(now);
-        state.health.breaks += 1;
-        // An interface that is down can often be opened and fails at the first frame.
-        let again = state.health.reopened > 0 && now.saturating_sub(state.opened_at) < STEADY;
-        state.pause = if again { (state.pause * 2).min(LONGEST_PAUSE) } else { FIRST_PAUSE };
-        state.retry_at = now + state.pause;
-    }
-}
-
-fn mended<L>(state: &mut LinkState<L>) {
-    state.health.down_since = None;
-}
-
 impl<P: Protocol, L: Link> JointBus for DriveBus<P, L> {
     fn read(&mut self, now: Duration, readings: &mut Readings) {
         for n in 0..self.links.len() {
             let state = &mut self.links[n];
-            if state.health.down_since.is_some() && now >= state.retry_at {
-                match state.link.reopen() {
-                    Ok(()) => {
-                        state.health.reopened += 1;
-                        state.opened_at = now;
-                        mended(state);
-                    }
-                    Err(_) => {
-                        state.pause = (state.pause * 2).min(LONGEST_PAUSE);
-                        state.retry_at = now + state.pause;
-                    }
-                }
-            }
+            state.reopen(now);
             for _ in 0..FRAMES_PER_READ {
                 match self.links[n].link.receive(now) {
                     Ok(Some(incoming)) => self.take(n, &incoming, now, readings),
                     Ok(None) | Err(LinkError::Full) => break,
                     Err(_) => {
-                        broke(&mut self.links[n], now);
+                        self.links[n].broke(now);
                         break;
                     }
                 }
             }
             let first_joint = self.config.joints.iter().position(|joint| joint.interface == n).unwrap_or_default();
             let state = &mut self.links[n];
-            let steady = state.health.reopened == 0 || now.saturating_sub(state.opened_at) >= STEADY;
+            let steady = state.health.reopened == 0 || !state.was_opened_lately(now);
             if state.balance.weigh(now, steady) {
-                state.stranger = Some((now, first_joint));
+                state.second_master = Some((now, first_joint));
             }
         }
     }
@@ -330,7 +276,7 @@ impl<P: Protocol, L: Link> JointBus for DriveBus<P, L> {
     fn write(&mut self, command: &JointCommand, drives_on: bool, now: Duration) {
         self.writes += 1;
         self.was_on |= drives_on;
-        if !self.was_on && self.stranger(now).is_some() {
+        if !self.was_on && self.second_master_fault(now).is_some() {
             // Even a question is a command to some drives: the other's robot may be walking.
             return;
         }
@@ -359,7 +305,7 @@ impl<P: Protocol, L: Link> JointBus for DriveBus<P, L> {
                     }
                 }
                 Err(LinkError::Full) => state.health.full += 1,
-                Err(_) => broke(state, now),
+                Err(_) => state.broke(now),
             }
         }
     }
@@ -378,7 +324,7 @@ impl<P: Protocol, L: Link> JointBus for DriveBus<P, L> {
     }
 
     fn fault(&self, now: Duration) -> Option<FaultReport> {
-        if let Some(report) = self.stranger(now) {
+        if let Some(report) = self.second_master_fault(now) {
             return Some(report);
         }
         let (n, down) = self.links.iter().enumerate().find_map(|(n, state)| {

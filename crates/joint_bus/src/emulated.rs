@@ -208,7 +208,7 @@ mod tests {
     const RANGES: Ranges = Ranges { position_rad: 12.5, velocity_rad_s: 45.0, kp: 500.0, kd: 10.0, torque_nm: 90.0 };
     const MS: Duration = Duration::from_millis(1);
 
-    fn tell(drive: &mut EmulatedDrive, request: DriveRequest, now: Duration) -> DriveReply {
+    fn send(drive: &mut EmulatedDrive, request: DriveRequest, now: Duration) -> DriveReply {
         let mit = Mit::default();
         let frame = mit.encode_request(1, &RANGES, &request).unwrap();
         let reply = drive.receive(&mit, &frame, now, 0.5, 1.0).unwrap();
@@ -219,18 +219,18 @@ mod tests {
     fn it_follows_only_when_entered_and_damps_when_left_alone() {
         let mut d = EmulatedDrive::new(1, RANGES, DriveModel::default());
         let push = DriveRequest::Command(DriveCommand { torque_nm: 10.0, ..DriveCommand::default() });
-        tell(&mut d, push, MS);
+        send(&mut d, push, MS);
         assert_eq!(d.torque(0.5, 1.0, MS), 0.0, "at rest");
-        tell(&mut d, DriveRequest::Enter, 2 * MS);
-        assert_eq!(tell(&mut d, push, 3 * MS).error, Some(0));
+        send(&mut d, DriveRequest::Enter, 2 * MS);
+        assert_eq!(send(&mut d, push, 3 * MS).error, Some(0));
         assert!((d.torque(0.5, 0.0, 3 * MS) - 10.0).abs() < 0.1);
         assert!((d.torque(0.5, 1.0, 23 * MS) - 10.0).abs() < 0.1, "20 ms are allowed");
         assert_eq!(d.torque(0.5, 1.0, 24 * MS), -8.0, "then it damps");
-        assert_eq!(tell(&mut d, push, 25 * MS).error, Some(EmulatedDrive::ERROR_WATCHDOG));
+        assert_eq!(send(&mut d, push, 25 * MS).error, Some(EmulatedDrive::ERROR_WATCHDOG));
         assert_eq!(d.torque(0.5, 1.0, 25 * MS), -8.0, "until it is entered anew");
-        tell(&mut d, DriveRequest::Enter, 26 * MS);
+        send(&mut d, DriveRequest::Enter, 26 * MS);
         assert_eq!(d.torque(0.5, 1.0, 26 * MS), 0.0);
-        tell(&mut d, push, 27 * MS);
+        send(&mut d, push, 27 * MS);
         assert!((d.torque(0.5, 1.0, 27 * MS) - 10.0).abs() < 0.1);
     }
 
@@ -238,8 +238,8 @@ mod tests {
     fn torque_is_limited_late_and_warm() {
         let model = DriveModel { latency: 3 * MS, heating_c_per_s_nm2: 1.0, ..DriveModel::default() };
         let mut d = EmulatedDrive::new(1, RANGES, model);
-        tell(&mut d, DriveRequest::Enter, Duration::ZERO);
-        tell(
+        send(&mut d, DriveRequest::Enter, Duration::ZERO);
+        send(
             &mut d,
             DriveRequest::Command(DriveCommand { position_rad: 9.0, kp: 500.0, ..DriveCommand::default() }),
             MS,
@@ -248,18 +248,18 @@ mod tests {
         assert_eq!(d.torque(0.5, 0.0, 4 * MS), 87.5);
         d.torque(0.5, 0.0, 14 * MS);
         assert!(d.temperature_c() > 90.0);
-        let reply = tell(&mut d, DriveRequest::Enter, 14 * MS);
+        let reply = send(&mut d, DriveRequest::Enter, 14 * MS);
         assert_eq!(reply.temperature_c, Some(d.temperature_c().trunc()));
         d.set_temperature_c(120.0);
         assert_eq!(d.torque(0.5, 0.0, 15 * MS), 0.0);
-        assert_eq!(tell(&mut d, DriveRequest::Enter, 15 * MS).error, Some(EmulatedDrive::ERROR_TEMPERATURE));
+        assert_eq!(send(&mut d, DriveRequest::Enter, 15 * MS).error, Some(EmulatedDrive::ERROR_TEMPERATURE));
     }
 
     #[test]
     fn zero_is_where_it_was_set() {
         let mut d = EmulatedDrive::new(1, RANGES, DriveModel::default());
-        assert!((tell(&mut d, DriveRequest::Exit, MS).position_rad - 0.5).abs() < 1e-3);
-        assert!(tell(&mut d, DriveRequest::SetZero, MS).position_rad.abs() < 1e-3);
+        assert!((send(&mut d, DriveRequest::Exit, MS).position_rad - 0.5).abs() < 1e-3);
+        assert!(send(&mut d, DriveRequest::SetZero, MS).position_rad.abs() < 1e-3);
     }
 
     #[test]

@@ -11,7 +11,8 @@ use std::time::Duration;
 pub struct Faults {
     /// Lost.
     pub lose: f64,
-    /// A bit turned over. (A real controller chip drops such a frame by its checksum; a firmware's own error would not.)
+    /// A bit turned over. (A real controller chip drops such a frame by its checksum; a firmware's own error would
+    /// not.)
     pub corrupt: f64,
     /// Delivered twice.
     pub duplicate: f64,

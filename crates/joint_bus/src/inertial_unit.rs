@@ -170,7 +170,7 @@ impl EmulatedInertialUnit {
         Self { frames, link: Box::new(link) }
     }
 
-    /// Sends a measurement, taken at its stamp. What a full or dead bus does not take is lost.
+    /// Sends a measurement, taken at its stamp. What a full or failed bus does not take is lost.
     pub fn send(&mut self, measured: &InertialState) {
         for frame in self.frames.encode(measured) {
             if let Err(LinkError::Down { .. }) = self.link.send(&frame, measured.stamp) {

@@ -3,17 +3,18 @@
 //! From the wire up:
 //!
 //! - [`Frame`]: a CAN or CAN FD frame; no operating system needed, like everything up to the emulated drive.
-//! - [`Protocol`]: what a drive's frames say, from both ends. [`Mit`] is the layout of the MIT mini-cheetah's actuators;
-//!   [`Registers`] that of moteus controllers (CAN FD register frames). No public protocol of the Vision 60's drives exists:
-//!   which one a robot speaks is this project's configuration.
-//! - [`EmulatedDrive`]: the drive's end of a protocol with its law, watchdog, torque limit, latency and temperature, for tests
-//!   and simulation.
-//! - [`Link`]: something that frames go through without ever blocking: [`memory`] within a process, [`can::CanLink`] over
-//!   Linux SocketCAN, [`Faulty`] around another, for tests.
+//! - [`Protocol`]: what a drive's frames say, from both ends. [`Mit`] is the layout of the MIT mini-cheetah's
+//!   actuators; [`Registers`] that of moteus controllers (CAN FD register frames). No public protocol of the Vision
+//!   60's drives exists: which one a robot speaks is this project's configuration.
+//! - [`EmulatedDrive`]: the drive's end of a protocol with its law, watchdog, torque limit, latency and temperature,
+//!   for tests and simulation.
+//! - [`Link`]: something that frames go through without ever blocking: [`memory`] within a process, [`can::CanLink`]
+//!   over Linux SocketCAN, [`Faulty`] around another, for tests.
 //! - [`InertialUnit`]: an inertial unit that the cycle reads itself; [`CanInertialUnit`] and [`EmulatedInertialUnit`]
 //!   are the two ends of one with frames of this project's own.
-//! - [`JointBus`]: what the control cycle sees: twelve joints to read from and write to. [`DriveBus`] makes one of links and
-//!   a protocol. The DDS backend of the same trait is `dds_bus` in the controller's node, because this crate knows no ROS.
+//! - [`JointBus`]: what the control cycle sees: twelve joints to read from and write to. [`DriveBus`] makes one of
+//!   links and a protocol. The DDS backend of the same trait is `dds_bus` in the controller's node, because this crate
+//!   knows no ROS.
 #![cfg_attr(not(feature = "std"), no_std)]
 
 mod drive;
@@ -48,6 +49,7 @@ mod faulty;
 mod inertial_unit;
 #[cfg(feature = "std")]
 mod link;
+mod link_state;
 #[cfg(feature = "std")]
 pub mod memory;
 #[cfg(feature = "std")]

@@ -1,9 +1,9 @@
 //! The layout of the MIT mini-cheetah's actuators, as its firmware and several vendors' drives speak it.
 //!
-//! Command, 8 bytes to the drive's identifier: position 16 bits, velocity 12, kp 12, kd 12, torque 12, each the share of its
-//! range, most significant bits first. Reply, 6 bytes from the host's identifier: drive, position 16, velocity 12, torque 12;
-//! or 8 bytes with temperature (signed, °C) and error code. Special commands are seven bytes FF and FC (enter), FD (exit) or
-//! FE (zero): a command whose numbers would spell one is sent one step of torque lower.
+//! Command, 8 bytes to the drive's identifier: position 16 bits, velocity 12, kp 12, kd 12, torque 12, each the share
+//! of its range, most significant bits first. Reply, 6 bytes from the host's identifier: drive, position 16, velocity
+//! 12, torque 12; or 8 bytes with temperature (signed, °C) and error code. Special commands are seven bytes FF and FC
+//! (enter), FD (exit) or FE (zero): a command whose numbers would spell one is sent one step of torque lower.
 
 use crate::{DriveCommand, DriveLimits, DriveReply, DriveRequest, EncodeError, Frame, Protocol, Ranges};
 

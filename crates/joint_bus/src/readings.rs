@@ -15,7 +15,7 @@ pub struct Readings {
     /// N m, as the drives report it.
     pub torque_nm: [f64; JOINTS],
     /// Whether they do.
-    pub torque_told: bool,
+    pub torque_reported: bool,
     /// °C, where the drives report it.
     pub temperature_c: Option<[f64; JOINTS]>,
     /// V that each drive is fed with, where they report it.
@@ -35,7 +35,7 @@ impl Default for Readings {
             position_rad: [0.0; JOINTS],
             velocity_rad_s: [0.0; JOINTS],
             torque_nm: [0.0; JOINTS],
-            torque_told: false,
+            torque_reported: false,
             temperature_c: None,
             supply_v: None,
             current_a: None,

@@ -1,14 +1,15 @@
 //! Register frames over CAN FD, as moteus controllers speak them (their reference manual, "CAN protocol").
 //!
-//! A frame is a list of subframes, each a write, a read or a reply of consecutive registers of one type. A command writes mode,
-//! position, velocity, torque and the scales of the drive's own gains, and reads back position, velocity, torque, current,
-//! supply voltage, temperature and fault. Positions are in revolutions. The identifier holds the sender in its upper and the receiver in its lower byte; its
-//! bit 15 asks for a reply.
+//! A frame is a list of subframes, each a write, a read or a reply of consecutive registers of one type. A command
+//! writes mode, position, velocity, torque and the scales of the drive's own gains, and reads back position, velocity,
+//! torque, current, supply voltage, temperature and fault. Positions are in revolutions. The identifier holds the
+//! sender in its upper and the receiver in its lower byte; its bit 15 asks for a reply.
 
 use crate::{DriveCommand, DriveReply, DriveRequest, EncodeError, Frame, Protocol, Ranges};
 use core::f64::consts::TAU;
 
-/// The protocol. `Ranges::kp` and `Ranges::kd` are the gains that the drive is configured with: at most they can be had.
+/// The protocol. `Ranges::kp` and `Ranges::kd` are the gains that the drive is configured with: at most they can be
+/// had.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Registers {
     /// The host's number on the bus, 0 to 127.
@@ -41,8 +42,8 @@ mod mode {
     pub const ZERO_VELOCITY: u8 = 12;
 }
 
-/// Upper bits of a subframe's first byte: what it does; the next two: the type; the lowest two: how many registers, 0 meaning
-/// that the number follows.
+/// Upper bits of a subframe's first byte: what it does; the next two: the type; the lowest two: how many registers, 0
+/// meaning that the number follows.
 mod subframe {
     pub const WRITE: u8 = 0x00;
     pub const READ: u8 = 0x10;
@@ -90,8 +91,8 @@ impl Writer {
     }
 }
 
-/// Calls `each` with every register of the subframes of one kind: its number, and its value. Numbers of 8 to 32 bits are
-/// given as they stand. False if the frame is damaged.
+/// Calls `each` with every register of the subframes of one kind: its number, and its value. Numbers of 8 to 32 bits
+/// are given as they stand. False if the frame is damaged.
 fn registers(data: &[u8], kind: u8, mut each: impl FnMut(u32, f64)) -> bool {
     let mut rest = data.iter().copied();
     while let Some(first) = rest.next() {

@@ -32,7 +32,8 @@ fn the_shipped_bus_file_fits_the_shipped_robot() {
     assert_eq!(bus.interfaces.len(), 4, "one bus for each leg");
 }
 
-/// The controller rounds what it measures and sends (joints::resolution); a drive's frame rounds at least ten times as much.
+/// The controller rounds what it measures and sends (joints::resolution); a drive's frame rounds at least ten times as
+/// much.
 #[test]
 fn the_controller_s_rounding_is_lost_in_a_frame_s() {
     use joints::resolution::{STEP_NM, STEP_RAD, STEP_RAD_S};

@@ -1,5 +1,5 @@
-//! The controller walking on emulated drives behind a bus that misbehaves, with a bound on the cycles until the robot is
-//! safe. The robot here is twelve flywheels: what is tested is the way from a fault to damping, not the walk.
+//! The controller walking on emulated drives behind a bus that misbehaves, with a bound on the cycles until the robot
+//! is safe. The robot here is twelve flywheels: what is tested is the way from a fault to damping, not the walk.
 
 mod common;
 #[path = "../../control/tests/common/mod.rs"]
@@ -253,7 +253,7 @@ fn a_second_controller_on_the_bus_is_a_fault_within_five_cycles() {
 }
 
 #[test]
-fn an_interface_has_one_master_and_the_second_is_told_which() {
+fn an_interface_has_one_master_and_the_second_learns_which() {
     let interface = format!("can-test-{}", std::process::id());
     let lock = CanLock::take(&interface).unwrap();
     let error = CanLock::take(&interface).unwrap_err().to_string();
@@ -267,14 +267,14 @@ fn an_interface_has_one_master_and_the_second_is_told_which() {
 #[test]
 fn a_bus_is_listened_to_before_the_first_frame() {
     let mut robot = Robot::new();
-    assert_eq!(robot.bench.bus.hear_stranger(robot.now), None);
+    assert_eq!(robot.bench.bus.listen_for_second_master(robot.now), None);
     let ranges = robot.bench.config.joints[4].ranges;
     let reply = Mit::default().encode_reply(2, &ranges, &DriveReply::default());
     robot.bench.far[1].send(&reply, robot.now).unwrap();
-    assert_eq!(robot.bench.bus.hear_stranger(robot.now), None, "a reply is no command");
+    assert_eq!(robot.bench.bus.listen_for_second_master(robot.now), None, "a reply is no command");
     let frame = Mit::default().encode_request(2, &ranges, &DriveRequest::Exit).unwrap();
     robot.bench.far[1].send(&frame, robot.now).unwrap();
-    assert_eq!(robot.bench.bus.hear_stranger(robot.now), Some(("can1", "rear_left_hip_pitch")));
+    assert_eq!(robot.bench.bus.listen_for_second_master(robot.now), Some(("can1", "rear_left_hip_pitch")));
     assert!(robot.bench.bus().health().links.iter().all(|link| link.sent == 0));
 }
 
@@ -290,7 +290,7 @@ fn twice_as_many_replies_as_requests_are_a_fault_within_five_cycles() {
 }
 
 #[test]
-fn a_disarmed_controller_is_silent_beside_another_master_and_speaks_when_it_is_gone() {
+fn a_disarmed_controller_is_silent_beside_another_master_and_sends_when_it_is_gone() {
     let mut robot = Robot::new();
     let sent = |robot: &mut Robot| robot.bench.bus().health().links.iter().map(|link| link.sent).sum::<u64>();
     let ranges = robot.bench.config.joints[0].ranges;
@@ -373,8 +373,8 @@ fn an_interface_that_goes_down_is_a_fault_and_is_opened_again_with_patience() {
     assert_eq!(robot.cycle(&[Request::Stand]).replies[0], Some(Ok(Mode::StandingUp)));
 }
 
-/// Seen on a kernel's CAN: the frame that commanded a drive to enter was lost as the interface came up, and its watchdog's error
-/// could not be cleared by any means.
+/// Seen on a kernel's CAN: the frame that commanded a drive to enter was lost as the interface came up, and its
+/// watchdog's error could not be cleared by any means.
 #[test]
 fn a_drive_that_missed_being_entered_is_entered_again_once_it_is_only_damped() {
     let mut robot = Robot::walking();
@@ -432,7 +432,7 @@ fn a_hot_drive() {
 #[test]
 fn a_controller_that_dies_and_comes_back() {
     let mut robot = Robot::walking();
-    // Dead: nothing is sent. The drives' own watchdogs damp within their 20 ms.
+    // Crashed: nothing is sent. The drives' own watchdogs damp within their 20 ms.
     let mut damped = 0;
     for n in 1..=40 {
         robot.now += MS;
@@ -446,7 +446,7 @@ fn a_controller_that_dies_and_comes_back() {
     }
     assert!(damped <= 22, "a drive still pushed {damped} ms after the death");
     walk::measured("a_controller_that_dies_and_comes_back", damped);
-    // Back: disarmed, and it tells the drives to rest before anything else.
+    // Back: disarmed, and it commands the drives to rest before anything else.
     robot.controller = Controller::new(robot.config.clone()).unwrap();
     robot.last = None;
     robot.readings = Readings::default();

@@ -157,7 +157,7 @@ fn wiring_that_cannot_be_is_refused_by_name() {
 fn a_unit_that_falls_silent_is_estimate_lost() {
     let (mut near, mut far) = unit();
     let mut bench = Bench::walking(balanced::config(true));
-    bench.speaks = false;
+    bench.unit_sends = false;
     let level = InertialState {
         attitude_xyzw: Some([0.0, 0.0, 0.0, 1.0]),
         angular_velocity_rad_s: Some([0.0; 3]),

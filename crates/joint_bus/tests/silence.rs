@@ -53,9 +53,9 @@ fn sent<P: Protocol + Copy>(bench: &mut Bench<P>) -> u64 {
     bench.bus().health().links.iter().map(|link| link.sent).sum()
 }
 
-/// "Rest and say where you are" is an order: it would drop a robot that somebody unheard holds.
+/// "Rest and say where you are" is an order: it would drop a robot that somebody holds whose frames have not arrived.
 #[test]
-fn a_controller_that_was_never_armed_says_nothing_to_drives_that_know_no_question() {
+fn a_controller_that_was_never_armed_sends_nothing_to_drives_without_a_query() {
     let mut robot = Robot::new();
     for _ in 0..1000 {
         robot.cycle(&[]);

@@ -196,7 +196,7 @@ impl FaultReport {
             Fault::TrackingError => ("rad off its command", "look for a blocked joint or a drive without power"),
             Fault::JointStuck => (
                 "rad commanded while it stood still",
-                "look for a blocked joint, a dead encoder, or a drive without power",
+                "look for a blocked joint, a failed encoder, or a drive without power",
             ),
             Fault::Tilt => ("rad", "put the robot level"),
             Fault::OverTemperature | Fault::DriveHot => ("°C", "let the drive cool down"),

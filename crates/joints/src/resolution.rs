@@ -44,7 +44,7 @@ pub fn measured_torque_nm(value: f64) -> f64 {
     (value * 32.0).round() / 32.0
 }
 
-/// The nearest length in steps of 2^-20, 1e-6 m: what a simulation tells of itself.
+/// The nearest length in steps of 2^-20, 1e-6 m: what a simulation reports of itself.
 pub fn length_m(value: f64) -> f64 {
     (value * 1_048_576.0).round() / 1_048_576.0
 }

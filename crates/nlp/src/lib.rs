@@ -6,9 +6,9 @@
 //!                 x_L ≤  x   ≤ x_U
 //! ```
 //!
-//! with sparse analytic first derivatives and a positive semidefinite approximation of the Hessian (Gauss–Newton, or exact
-//! where the objective is convex), and a sequential quadratic programming solver. Its convex subproblems are solved by Clarabel, by
-//! elimination ([`NullSpace`]), or by whatever knows the problem's structure ([`Subproblem`]).
+//! with sparse analytic first derivatives and a positive semidefinite approximation of the Hessian (Gauss–Newton, or
+//! exact where the objective is convex), and a sequential quadratic programming solver. Its convex subproblems are
+//! solved by Clarabel, by elimination ([`NullSpace`]), or by whatever knows the problem's structure ([`Subproblem`]).
 //! This crate knows no robot: it names a constraint by asking the problem.
 
 mod arrow_qp;

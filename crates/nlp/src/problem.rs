@@ -104,8 +104,8 @@ pub enum SubproblemError {
 /// Solves the convex subproblems of [`crate::SqpSolver`]:
 /// minimise ½ pᵀ H p + ∇fᵀ p subject to g_L ≤ c + J p ≤ g_U, x_L ≤ x + p ≤ x_U.
 pub trait Subproblem<P: Problem> {
-    /// The step at `x`, where `problem` has just been evaluated to `at`. `constraints` is c: g(x), or what a second-order
-    /// correction puts in its place.
+    /// The step at `x`, where `problem` has just been evaluated to `at`. `constraints` is c: g(x), or what a
+    /// second-order correction puts in its place.
     fn solve(&mut self, problem: &P, x: &[f64], at: &Evaluation, constraints: &[f64]) -> Result<Step, SubproblemError>;
 
     /// Whether it reads the Jacobian's values, rather than the problem's own derivatives.

@@ -1,9 +1,9 @@
-//! A periodic loop for control: absolute-time sleep on the monotonic clock, real-time scheduling where the system grants
-//! it, histograms without allocation, and an allocation guard for tests.
+//! A periodic loop for control: absolute-time sleep on the monotonic clock, real-time scheduling where the system
+//! grants it, histograms without allocation, and an allocation guard for tests.
 //!
-//! [`RealtimeRequest::apply`] asks the system for what a control loop wants and returns one [`Warning`] for each thing it
-//! refuses, each naming what to grant. [`Periodic`] wakes at start + k · period, however long a cycle took. [`Histogram`]
-//! holds latencies and computing times.
+//! [`RealtimeRequest::apply`] asks the system for what a control loop wants and returns one [`Warning`] for each thing
+//! it refuses, each naming what to grant. [`Periodic`] wakes at start + k · period, however long a cycle took.
+//! [`Histogram`] holds latencies and computing times.
 
 mod clock;
 mod guard;

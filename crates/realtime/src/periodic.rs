@@ -58,8 +58,8 @@ impl Periodic {
     /// The next instant of the grid at time `now`, and how many lie between it and the last one.
     fn next(&mut self, now: Duration) -> (Duration, u64) {
         let period_ns = self.period.as_nanos();
-        // Instants already past, the one due now among them, cannot be kept any more, save the very next one: waking for
-        // it late by less than a period is better than not at all.
+        // Instants already past, the one due now among them, cannot be kept any more, save the very next one: waking
+        // for it late by less than a period is better than not at all.
         let past = now.saturating_sub(self.start).as_nanos() / period_ns;
         let next = (self.index + 1).max(past as u64);
         let missed = next - self.index - 1;

@@ -1,4 +1,5 @@
-//! Reading a run for a report: from a bag that [`run_recorder::RunRecorder`] wrote, or one recorded from the topics of the nodes.
+//! Reading a run for a report: from a bag that [`run_recorder::RunRecorder`] wrote, or one recorded from the topics of
+//! the nodes.
 
 use std::path::{Path, PathBuf};
 

@@ -9,8 +9,8 @@ use crate::BehaviourRun;
 /// Frames a second: a film's.
 const STEP_S: f64 = 0.02;
 
-/// Places of the base and of every hip, knee and toe. `Err` says why there are none: no description in the bag, or one of a robot
-/// without the links `LEG_hip`, `LEG_upper`, `LEG_lower`, `LEG_toe`.
+/// Places of the base and of every hip, knee and toe. `Err` says why there are none: no description in the bag, or one
+/// of a robot without the links `LEG_hip`, `LEG_upper`, `LEG_lower`, `LEG_toe`.
 ///
 /// # Errors
 /// A sentence for people.

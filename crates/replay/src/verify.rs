@@ -48,8 +48,8 @@ pub struct Verification {
 /// Runs every recorded cycle through a new controller and compares commands and modes to the bit.
 ///
 /// # Errors
-/// [`ReplayError::NoRun`] if the bag lacks the configuration or a cycle (dropped by the recorder, or not recorded from the
-/// start), or its configuration or gait is not one for this version; [`ReplayError::BadMessage`].
+/// [`ReplayError::NoRun`] if the bag lacks the configuration or a cycle (dropped by the recorder, or not recorded from
+/// the start), or its configuration or gait is not one for this version; [`ReplayError::BadMessage`].
 pub fn verify(path: impl AsRef<Path>) -> Result<Verification, ReplayError> {
     let path = path.as_ref();
     let bag = Bag::open(path)?;

@@ -267,7 +267,8 @@ fn one_flipped_bit_is_found_and_named() {
     assert_eq!((verification.cycles, verification.different), (4000, 1));
     let first = verification.first.unwrap();
     assert_eq!((first.cycle, first.joint.as_str(), first.what), (3210, "front_right_knee", "torque"));
-    // Since the bag's first message, which is stamped as the first cycle is: at 1 ms, and up to 40 µs more as every one.
+    // Since the bag's first message, which is stamped as the first cycle is: at 1 ms, and up to 40 µs more as every
+    // one.
     assert!((first.time_s - 3.209).abs() < 1e-4, "{}", first.time_s);
     assert_ne!(first.recorded, first.computed);
 }

@@ -4,7 +4,7 @@
 //!
 //! | file | what it shows |
 //! |---|---|
-//! | `phase_portraits.png` | joint velocity over joint position, one panel a joint type, planned in red and simulated in green (the paper's tracking figure) |
+//! | `phase_portraits.png` | joint velocity over position, planned red, simulated green (the paper's figure) |
 //! | `torques.png` | mean absolute torque of each joint type beside the paper's Table II |
 //! | `time_series.png` | torque, body height, roll and pitch, forward speed over time |
 //! | `footfalls.png` | which foot stands when, and the plan |
@@ -29,12 +29,13 @@
 //!
 //! [`page()`] makes one self-contained HTML page of one or more runs, with a scrubber and an animation of the robot.
 //!
-//! Samples may come from a simulator, a robot or a bag; nothing here knows where from. Joint vectors have 12 entries in the order
-//! of [`gait`]: legs 0 front-left, 1 rear-left, 2 front-right, 3 rear-right, each hip roll, hip pitch, knee.
+//! Samples may come from a simulator, a robot or a bag; nothing here knows where from. Joint vectors have 12 entries in
+//! the order of [`gait`]: legs 0 front-left, 1 rear-left, 2 front-right, 3 rear-right, each hip roll, hip pitch, knee.
 //!
 //! # Invariants
 //!
-//! - Every axis has a label with its unit, and fonts are built in: the same input gives the same picture on every machine.
+//! - Every axis has a label with its unit, and fonts are built in: the same input gives the same picture on every
+//!   machine.
 //! - A run with too little in it is an error that says so, never an empty picture.
 
 mod canvas;
@@ -59,8 +60,8 @@ pub use tiles::{Tile, tile_strip};
 
 use std::path::{Path, PathBuf};
 
-/// Renders every picture of a run into `folder` (made if it is not there; files of the same names are replaced) and gives the
-/// files' paths.
+/// Renders every picture of a run into `folder` (made if it is not there; files of the same names are replaced) and
+/// gives the files' paths.
 ///
 /// # Errors
 /// [`ReportError::TooLittle`] if the run holds less than two strides of walking; [`ReportError::Io`].

@@ -50,7 +50,8 @@ pub struct Run<'a> {
     pub tiles: &'a [Tile],
 }
 
-/// What a foot carries before it counts as standing, N: above the simulator's contact chatter, far below a stance foot's load.
+/// What a foot carries before it counts as standing, N: above the simulator's contact chatter, far below a stance
+/// foot's load.
 pub(crate) const STANDING_N: f64 = 10.0;
 
 impl<'a> Run<'a> {
@@ -131,7 +132,8 @@ pub(crate) fn from(samples: &[Sample], start_s: f64) -> &[Sample] {
     &samples[samples.partition_point(|sample| sample.time_s < start_s)..]
 }
 
-/// Mean absolute torque of hip roll, hip pitch and knee over all legs and samples, N m: the paper's Table II. Zeros for no samples.
+/// Mean absolute torque of hip roll, hip pitch and knee over all legs and samples, N m: the paper's Table II. Zeros for
+/// no samples.
 pub fn mean_absolute_torque_nm(samples: &[Sample]) -> [f64; JOINTS_PER_LEG] {
     let count = (samples.len() * LEGS).max(1) as f64;
     std::array::from_fn(|joint| {

@@ -191,7 +191,7 @@ fn joint_kind(joint: &urdf_rs::Joint) -> Result<Option<JointKind>, ModelError> {
 fn joint_axis(joint: &urdf_rs::Joint) -> Result<Vector3<f64>, ModelError> {
     let axis = vector(&joint.axis.xyz, "axis", || format!("joint '{}'", joint.name))?;
     let length = axis.norm();
-    // The direction must be meant: a length near zero or beyond squaring is a mistake in the file.
+    // The direction must be a usable one: a length near zero or beyond squaring is a mistake in the file.
     if !(1e-6..1e6).contains(&length) {
         return Err(ModelError::BadAxis { joint: joint.name.clone(), length });
     }

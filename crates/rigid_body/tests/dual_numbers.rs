@@ -1,8 +1,9 @@
 //! Inverse dynamics and its derivatives against an implementation that shares nothing with the library.
 //!
-//! It goes from the URDF's links, unmerged, straight to virtual work. Every number is a polynomial in time of degree two
-//! (so that velocities and accelerations come out of positions) whose coefficients are dual numbers (so that derivatives
-//! come out exact): q(t) = q + v t + a t²/2, then τ_j = Σ over links of m (c̈ − g)·∂c/∂q_j + (d/dt I ω)·ω_j.
+//! It goes from the URDF's links, unmerged, straight to virtual work. Every number is a polynomial in time of degree
+//! two (so that velocities and accelerations come out of positions) whose coefficients are dual numbers (so that
+//! derivatives come out exact): q(t) = q + v t + a t²/2, then τ_j = Σ over links of m (c̈ − g)·∂c/∂q_j + (d/dt I
+//! ω)·ω_j.
 
 mod common;
 

@@ -17,13 +17,13 @@ const TOLERANCES: [f64; 7] = [1e-9, 1e-6, 1e-3, 0.01, 0.05, 0.1, 0.3];
 const STIFFNESS: [f64; 3] = [1.5, 1.5, 2.0];
 /// Stiffness over damping, 1/s.
 const STIFFNESS_OVER_DAMPING: f64 = 45.0;
-/// Drive torque per weight and leg length, where the URDF gives none that can be meant.
+/// Drive torque per weight and leg length, where the URDF gives no usable one.
 const TORQUE: f64 = 0.5;
 /// More torque than this per weight and leg length is a URDF's way to say "no limit".
 const MOST_TORQUE: f64 = 6.0;
 /// Share of the drives' torque that plans may use.
 const PLAN_SHARE: f64 = 0.8;
-/// Joint velocity where the URDF gives none that can be meant, rad/s.
+/// Joint velocity where the URDF gives no usable one, rad/s.
 const VELOCITY_RAD_S: f64 = 20.0;
 const GRAVITY_M_S2: f64 = 9.81;
 
@@ -108,15 +108,13 @@ fn head(
         let which = ["hip roll", "hip pitch", "knee"][k];
         if drive[k].is_infinite() {
             drive[k] = TORQUE * scale_nm;
-            look_at.push(format!(
-                "the {which} drives' torque: the URDF gives none that can be meant, {:.1} N m assumed",
-                drive[k]
-            ));
+            look_at
+                .push(format!("the {which} drives' torque: the URDF gives no usable one, {:.1} N m assumed", drive[k]));
         }
         if velocity[k].is_infinite() {
             velocity[k] = VELOCITY_RAD_S;
             look_at.push(format!(
-                "the {which} drives' velocity: the URDF gives none that can be meant, {VELOCITY_RAD_S} rad/s assumed"
+                "the {which} drives' velocity: the URDF gives no usable one, {VELOCITY_RAD_S} rad/s assumed"
             ));
         }
     }

@@ -246,7 +246,7 @@ fn rear_legs_with_another_zero_are_paired_by_the_standing_posture() {
 }
 
 #[test]
-fn knees_that_point_apart_cannot_be_paired_and_the_reason_is_told() {
+fn knees_that_point_apart_cannot_be_paired_and_the_reason_is_given() {
     let mut legs: Vec<String> = TOML.split("[[legs]]").map(str::to_owned).collect();
     for leg in [2, 4] {
         legs[leg] = swap(&legs[leg], "0.97488, 1.95115]", "2.16671, -1.95115]")
@@ -303,7 +303,7 @@ fn a_plan_may_not_use_more_torque_than_the_drives_give() {
 }
 
 #[test]
-fn degrees_in_the_urdf_are_told() {
+fn degrees_in_the_urdf_are_named() {
     let limits = swap(URDF, "lower=\"-0.43\" upper=\"0.43\"", "lower=\"-24.6\" upper=\"24.6\"");
     assert_notes(&with(TOML, &limits), &["front_left_hip_roll", "24.6", "degrees"]);
     let urdf = with_part(

@@ -125,7 +125,7 @@ fn the_inverse_gives_the_joints_back() {
 }
 
 #[test]
-fn what_is_out_of_reach_is_said_and_stays_within_the_limits() {
+fn what_is_out_of_reach_is_reported_and_stays_within_the_limits() {
     for robot in robots() {
         let legs = LegKinematics::all(&robot).unwrap();
         for leg in 0..4 {

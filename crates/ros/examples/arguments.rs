@@ -1,4 +1,5 @@
-//! What a node makes of its command line, as JSON, for `tests/ros2/test_arguments.py`: names after remapping, and parameters.
+//! What a node makes of its command line, as JSON, for `tests/ros2/test_arguments.py`: names after remapping, and
+//! parameters.
 
 use ros::{Arguments, Node, ParameterType, Qos};
 use tandem_msgs::std_msgs::String as Text;

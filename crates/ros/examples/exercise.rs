@@ -1,8 +1,8 @@
 //! A node with one of everything, for the tests against other ROS 2 implementations (`tests/ros2`).
 //!
-//! It echoes `input` on `output` (reliable) and `fast_input` on `fast_output` (best effort), keeps a latched `description`, serves
-//! `count` (std_srvs/SetBool: answers after a delay given by a parameter), and calls the service `remote` once when `relay` is
-//! called. Each call of `count` is a line of debugging, one with `false` an error.
+//! It echoes `input` on `output` (reliable) and `fast_input` on `fast_output` (best effort), keeps a latched
+//! `description`, serves `count` (std_srvs/SetBool: answers after a delay given by a parameter), and calls the service
+//! `remote` once when `relay` is called. Each call of `count` is a line of debugging, one with `false` an error.
 
 use std::sync::Arc;
 use std::time::Duration;

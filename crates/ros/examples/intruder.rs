@@ -1,5 +1,5 @@
-//! Sends what no one expects, for `tests/ros2/test_abuse.py`: on every topic given as an argument a message of another type, whose
-//! bytes are anything, a hundred times a second.
+//! Sends what no one expects, for `tests/ros2/test_abuse.py`: on every topic given as an argument a message of another
+//! type, whose bytes are anything, a hundred times a second.
 
 use ros::{Arguments, Node, Qos};
 use std::time::Duration;

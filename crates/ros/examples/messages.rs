@@ -1,8 +1,8 @@
 //! The Rust messages as other ROS 2 implementations see them, for `tests/ros2/test_serialization.py`.
 //!
-//! Reads records from standard input: a line `TYPE LENGTH`, then as many bytes of CDR (with its four bytes of header). Decodes them
-//! into the Rust type, encodes that again and writes a line with the new length and the bytes. `fields` as the only argument
-//! prints the table of fields of every type as JSON instead.
+//! Reads records from standard input: a line `TYPE LENGTH`, then as many bytes of CDR (with its four bytes of header).
+//! Decodes them into the Rust type, encodes that again and writes a line with the new length and the bytes. `fields` as
+//! the only argument prints the table of fields of every type as JSON instead.
 
 use std::io::{BufRead, Read, Write};
 

@@ -1,4 +1,4 @@
-//! Servers of actions: goals queue, one runs at a time, each can be cancelled and tells of its progress.
+//! Servers of actions: goals queue, one runs at a time, each can be cancelled and reports its progress.
 
 use std::collections::{BTreeMap, BTreeSet, VecDeque};
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -9,26 +9,26 @@ use std::time::{Duration, Instant};
 use ros2_client::RmwRequestId;
 use ros2_client::action::{ActionServer, GetResultResponse, SendGoalResponse};
 use ros2_client::action_msgs::{
-    CancelGoalRequest, CancelGoalResponse, CancelGoalResponseEnum, GoalId, GoalInfo, GoalStatus, GoalStatusArray,
-    GoalStatusEnum,
+    CancelGoalResponse, CancelGoalResponseEnum, GoalId, GoalInfo, GoalStatus, GoalStatusArray, GoalStatusEnum,
 };
-use ros2_client::builtin_interfaces;
 use ros2_client::error::WriteError;
 use tandem_msgs::{Action, action_msgs};
 use tokio::task::JoinHandle;
 
 mod goal;
+mod tracked;
 
 pub use goal::{Goal, GoalEnd};
 
 use crate::Wire;
 use crate::peers::Peers;
 use crate::service::INTRODUCTION_OF_CALLER;
+use tracked::{Tracked, cancel_target, is_over, now};
 
 /// How often the dispatcher looks for requests. A goal takes longer than this by far.
 const TICK: Duration = Duration::from_millis(10);
-/// How far feedback goes ahead of the result: rclpy's client forgets a goal's feedback callback with the goal's result, and what it
-/// receives together it does not handle in order.
+/// How far feedback goes ahead of the result: rclpy's client forgets a goal's feedback callback with the goal's result,
+/// and what it receives together it does not handle in order.
 const FEEDBACK_LEAD: Duration = Duration::from_millis(30);
 /// How long a result is kept for clients that ask late, as in ROS 2's own servers.
 const RESULT_LIFETIME: Duration = Duration::from_secs(900);
@@ -39,14 +39,6 @@ const MAX_GOALS: usize = 256;
 const MAX_WAITING: usize = 256;
 
 type Endpoint<A> = ActionServer<Wire<<A as Action>::Goal>, Wire<<A as Action>::Result>, Wire<<A as Action>::Feedback>>;
-
-struct Tracked<R> {
-    status: GoalStatusEnum,
-    accepted: builtin_interfaces::Time,
-    cancelled: Arc<AtomicBool>,
-    result: Option<(R, Instant)>,
-    asked: Vec<RmwRequestId>,
-}
 
 struct Running<A: Action> {
     id: GoalId,
@@ -84,23 +76,6 @@ pub(crate) struct Dispatcher<A: Action, H> {
     goals: BTreeMap<GoalId, Tracked<A::Result>>,
     waiting: VecDeque<(GoalId, A::Goal)>,
     running: Option<Running<A>>,
-}
-
-fn now() -> builtin_interfaces::Time {
-    let time = crate::wall_time();
-    builtin_interfaces::Time::new(time.sec, time.nanosec)
-}
-
-fn is_over(status: GoalStatusEnum) -> bool {
-    matches!(status, GoalStatusEnum::Succeeded | GoalStatusEnum::Aborted | GoalStatusEnum::Canceled)
-}
-
-/// What a cancel request names. The middleware keeps that field to itself; the same bytes are ours to read.
-fn cancel_target(request: &CancelGoalRequest) -> Result<action_msgs::GoalInfo, String> {
-    let bytes = cdr_encoding::to_vec::<_, byteorder::LittleEndian>(request).map_err(|error| error.to_string())?;
-    cdr_encoding::from_bytes::<action_msgs::GoalInfo, byteorder::LittleEndian>(&bytes)
-        .map(|(info, _)| info)
-        .map_err(|error| error.to_string())
 }
 
 impl<A, H> Dispatcher<A, H>

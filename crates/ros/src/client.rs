@@ -13,7 +13,8 @@ use crate::{CallError, Wire};
 /// How often a client looks whether its server has appeared.
 const LOOK_PERIOD: Duration = Duration::from_millis(20);
 
-/// After the server is seen, its side of the match needs a moment: a request sent at once can be answered into the void.
+/// After the server is seen, its side of the match needs a moment: a request sent at once can be answered into the
+/// void.
 const SETTLE: Duration = Duration::from_millis(100);
 
 type Endpoint<S> = ros2_client::Client<Wire<<S as Service>::Request>, Wire<<S as Service>::Response>>;
@@ -70,8 +71,8 @@ impl<S: Service> Client<S> {
         &self.service
     }
 
-    /// Calls the service and waits for the response, from a thread outside the node. A server that has not been seen yet is
-    /// waited for within the same time. Times below 4 s are too short for a first call to rclpy.
+    /// Calls the service and waits for the response, from a thread outside the node. A server that has not been seen
+    /// yet is waited for within the same time. Times below 4 s are too short for a first call to rclpy.
     ///
     /// # Errors
     /// No server or no response in time, the node's end, or the middleware's reason.

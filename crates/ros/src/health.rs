@@ -12,7 +12,7 @@ pub(crate) const SILENCE: Duration = Duration::from_secs(1);
 /// One look counts at most this much of a thread's silence.
 pub(crate) const LONGEST_LOOK: Duration = Duration::from_millis(10);
 
-/// A thread of the process has panicked, and what it said.
+/// A thread of the process has panicked, and its message.
 pub(crate) static PANICKED: AtomicBool = AtomicBool::new(false);
 pub(crate) static PANIC: Mutex<String> = Mutex::new(String::new());
 

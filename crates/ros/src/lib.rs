@@ -13,7 +13,8 @@
 //! fn main() -> Result<(), Box<dyn std::error::Error>> {
 //!     let (arguments, _rest_for_the_program) = Arguments::from_process()?;
 //!     let node = Node::start("walker", &arguments)?;
-//!     let rate_hz = node.parameter("rate_hz", 200.0).description("Publishing rate, Hz.").range(1.0, 1000.0).declare()?;
+//!     let rate_hz = node.parameter("rate_hz", 200.0).description("Publishing rate, Hz.");
+//!     let rate_hz = rate_hz.range(1.0, 1000.0).declare()?;
 //!     let states = node.publisher::<JointState>("joint_states", Qos::reliable(10))?;
 //!     node.subscribe("other_states", Qos::best_effort(1), |state: JointState| {
 //!         tracing::debug!("{} joints", state.name.len()); // short, never blocking: hand data over by a channel
@@ -35,15 +36,17 @@
 //! # Rules that the middleware imposes
 //!
 //! - One node in a process: endpoints of one participant do not find each other where there is no multicast.
-//! - Publishing takes 13 µs, locks and allocates: never from a control thread. Push into a wait-free queue (`rtrb`) and publish
-//!   from a node's thread.
-//! - A reliable publisher overwrites: a subscriber that has stalled or joins stops nobody, and misses what is older than `depth`
-//!   messages. So every publisher of ours is reliable and serves both kinds of subscriptions; a control loop subscribes with best
-//!   effort, because nobody is to send it old data again. Who can wait for its subscribers takes [`Qos::keep_all`].
+//! - Publishing takes 13 µs, locks and allocates: never from a control thread. Push into a wait-free queue (`rtrb`) and
+//!   publish from a node's thread.
+//! - A reliable publisher overwrites: a subscriber that has stalled or joins stops nobody, and misses what is older
+//!   than `depth` messages. So every publisher of ours is reliable and serves both kinds of subscriptions; a control
+//!   loop subscribes with best effort, because nobody is to send it old data again. Who can wait for its subscribers
+//!   takes [`Qos::keep_all`].
 //! - Large messages go out in fragments, 64 kB a millisecond, and what others publish goes out between them.
-//! - Matching does not look at the type. [`Node::subscribe`] drops messages of publishers that announce another type; lengths and
-//!   values of arrays are for the callback to check.
-//! - A request or response needs at least one member: `std_srvs/Trigger`'s request carries the byte that ROS 2 puts there.
+//! - Matching does not look at the type. [`Node::subscribe`] drops messages of publishers that announce another type;
+//!   lengths and values of arrays are for the callback to check.
+//! - A request or response needs at least one member: `std_srvs/Trigger`'s request carries the byte that ROS 2 puts
+//!   there.
 
 mod action;
 mod arguments;

@@ -86,7 +86,7 @@ pub(crate) fn start(choice: &LogFileChoice, logger: &str) -> Result<LogFile, Str
     Ok(LogFile { lines, logger: logger.to_string(), path })
 }
 
-/// Line by line, so that a process that is killed has left what it said. A full disk ends the file, not the node.
+/// Line by line, so that a process that is killed has left what it logged. A full disk ends the file, not the node.
 fn write(mut file: File, lines: &Receiver<String>) {
     let mut room = MOST_BYTES;
     while let Ok(line) = lines.recv() {

@@ -47,7 +47,7 @@ pub(crate) fn start(arguments: &Arguments, node: &str, logger: &str) -> Option<R
     let first = arguments.rosout && ROSOUT.set(sender).is_ok();
     let lines = screen_layer(std::io::stderr, std::io::IsTerminal::is_terminal(&std::io::stderr()));
     let file = (first && arguments.log_file.wanted).then(|| log_file::start(&arguments.log_file, logger));
-    let (file, said) = match file {
+    let (file, failure) = match file {
         Some(Ok(file)) => (Some(file), None),
         Some(Err(reason)) => (None, Some(reason)),
         None => (None, None),
@@ -59,7 +59,7 @@ pub(crate) fn start(arguments: &Arguments, node: &str, logger: &str) -> Option<R
     if let Some(place) = place {
         tracing::debug!("the log's copy is {place}");
     }
-    if let Some(reason) = said {
+    if let Some(reason) = failure {
         tracing::warn!("the log has no copy in a file: {reason}; --disable-external-lib-logs asks for none");
     }
     first.then_some(receiver)

@@ -71,7 +71,7 @@ pub struct Departure {
     id: [u8; 16],
     /// How much of the identity counts.
     length: usize,
-    /// They said so; else they were not received for their lease.
+    /// They announced it; else they were not received for their lease.
     pub in_order: bool,
 }
 
@@ -133,7 +133,7 @@ struct Listener {
 pub(crate) struct Announcements(Mutex<Vec<Listener>>);
 
 impl Announcements {
-    /// Tells of every publisher of this topic and type that is announced from now on, as often as it is.
+    /// Reports every publisher of this topic and type that is announced from now on, as often as it is.
     pub(crate) fn listen(&self, topic: &str, type_name: &str) -> UnboundedReceiver<PublisherId> {
         let (came, receiver) = unbounded_channel();
         let listener = Listener { topic: topic.into(), type_name: type_name.into(), came };
@@ -176,7 +176,7 @@ impl Matches {
         self.0.borrow()
     }
 
-    /// Tells of changes of the table.
+    /// Reports changes of the table.
     pub(crate) fn changes(&self) -> watch::Receiver<Table> {
         self.0.subscribe()
     }

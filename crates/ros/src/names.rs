@@ -61,8 +61,8 @@ pub(crate) fn full_namespace(namespace: &str) -> Result<String, RosError> {
     }
 }
 
-/// Expands `name` for a node: `~` is the node's own name, `{node}`, `{ns}` and `{namespace}` are replaced, a relative name is
-/// put in the namespace. The result begins with a slash.
+/// Expands `name` for a node: `~` is the node's own name, `{node}`, `{ns}` and `{namespace}` are replaced, a relative
+/// name is put in the namespace. The result begins with a slash.
 pub(crate) fn expand(name: &str, namespace: &str, node: &str) -> Result<String, RosError> {
     let prefix = if namespace == "/" { "" } else { namespace };
     let replaced = name

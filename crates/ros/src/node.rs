@@ -193,7 +193,7 @@ impl Node {
         self.clock.now()
     }
 
-    /// What tells [`Node::now`] to threads that do not hold the node.
+    /// What gives [`Node::now`] to threads that do not hold the node.
     #[must_use]
     pub fn clock(&self) -> Clock {
         self.clock.clone()

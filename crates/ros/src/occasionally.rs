@@ -2,7 +2,7 @@
 
 use std::time::{Duration, Instant};
 
-/// Says at most every five seconds how often something happened since it last said so.
+/// Says at most every five seconds how often something happened since it last did.
 #[derive(Default)]
 pub(crate) struct Occasionally {
     count: u64,

@@ -45,7 +45,7 @@ impl Core {
 }
 
 impl Node {
-    /// Tells how many publishers of other participants announce this topic with this type: first how many there are,
+    /// Reports how many publishers of other participants announce this topic with this type: first how many there are,
     /// then each time that the number changes. `report` runs on the node's threads and must be short.
     ///
     /// # Errors

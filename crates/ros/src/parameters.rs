@@ -1,4 +1,5 @@
-//! Typed parameters: declared with description, range and validator; set from the command line, from files and at run time.
+//! Typed parameters: declared with description, range and validator; set from the command line, from files and at run
+//! time.
 
 mod declared;
 mod file;

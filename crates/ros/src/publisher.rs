@@ -36,8 +36,8 @@ impl<M: Serialize> Slot<M> {
 
 /// Sends messages to a topic. Clones send through the same endpoint.
 ///
-/// Publishing takes locks, allocates and makes a system call (about 13 µs): never from a control thread. Hand the data to one
-/// of the node's threads through a wait-free queue and publish there.
+/// Publishing takes locks, allocates and makes a system call (about 13 µs): never from a control thread. Hand the data
+/// to one of the node's threads through a wait-free queue and publish there.
 pub struct Publisher<M: Message> {
     topic: Arc<str>,
     slot: Arc<Slot<M>>,
@@ -87,12 +87,12 @@ impl RawPublisher {
         &self.topic
     }
 
-    /// Sends a message: little-endian CDR with its four-byte encapsulation header (`00 01`, and two bytes that do not matter).
-    /// Never waits for a subscriber.
+    /// Sends a message: little-endian CDR with its four-byte encapsulation header (`00 01`, and two bytes that do not
+    /// matter). Never waits for a subscriber.
     ///
     /// # Errors
-    /// When the header is another one, after the node's end, when a publisher that keeps all has no room left, or with the
-    /// middleware's reason.
+    /// When the header is another one, after the node's end, when a publisher that keeps all has no room left, or with
+    /// the middleware's reason.
     pub fn publish(&self, cdr: &[u8]) -> Result<(), PublishError> {
         match cdr.split_at_checked(4) {
             Some(([0, 1, ..], body)) => self.slot.publish(&self.topic, Raw(body.to_vec())),
@@ -107,8 +107,8 @@ impl RawPublisher {
     }
 }
 
-/// The bytes of a message behind its encapsulation header. They serialise to themselves: bytes have no alignment, and the
-/// first stands where the message begins.
+/// The bytes of a message behind its encapsulation header. They serialise to themselves: bytes have no alignment, and
+/// the first stands where the message begins.
 pub(crate) struct Raw(Vec<u8>);
 
 impl Serialize for Raw {

@@ -4,7 +4,8 @@ use std::time::Duration;
 
 use ros2_client::qos::{Durability, History, Liveliness, QosProfile, Reliability, WhenFull};
 
-/// Requests that the middleware keeps for a server, and answers for a client: more than those of a burst, so that none is overwritten.
+/// Requests that the middleware keeps for a server, and answers for a client: more than those of a burst, so that none
+/// is overwritten.
 const SERVICE_DEPTH: usize = 1024;
 
 /// The quality of service of a publisher or a subscription.
@@ -43,8 +44,8 @@ impl Qos {
         Qos { reliable: false, transient_local: false, depth: Some(depth), promises: Promises::NONE }
     }
 
-    /// Every message arrives, in order, at a subscription that keeps up: the last `depth` messages are kept for it, newer ones
-    /// overwrite them. A publisher waits for nobody, and serves best-effort subscriptions as well.
+    /// Every message arrives, in order, at a subscription that keeps up: the last `depth` messages are kept for it,
+    /// newer ones overwrite them. A publisher waits for nobody, and serves best-effort subscriptions as well.
     #[must_use]
     pub const fn reliable(depth: usize) -> Self {
         Qos { reliable: true, transient_local: false, depth: Some(depth), promises: Promises::NONE }

@@ -187,9 +187,10 @@ mod tests {
     fn who_asks_for_security_is_refused_and_never_run_unprotected() {
         let message = "built without DDS Security and would run unprotected";
         for strategy in ["", "Enforce", "Permissive"] {
-            let said = find(&[("ROS_SECURITY_ENABLE", "true"), ("ROS_SECURITY_STRATEGY", strategy)], None).unwrap_err();
-            assert!(said.contains("ROS_SECURITY_ENABLE=true") && said.contains(message), "{said}");
-            assert!(said.contains("--features security"), "{said}");
+            let refusal =
+                find(&[("ROS_SECURITY_ENABLE", "true"), ("ROS_SECURITY_STRATEGY", strategy)], None).unwrap_err();
+            assert!(refusal.contains("ROS_SECURITY_ENABLE=true") && refusal.contains(message), "{refusal}");
+            assert!(refusal.contains("--features security"), "{refusal}");
         }
         assert!(find(&[("ROS_SECURITY_STRATEGY", "Enforce")], None).unwrap_err().contains(message));
     }
@@ -253,8 +254,8 @@ mod tests {
             for name in FILES {
                 std::fs::remove_file(folder.join(name)).unwrap();
                 for strategy in ["Enforce", ""] {
-                    let said = keystore.find(strategy, Some("/robot/arm")).unwrap_err();
-                    assert!(said.contains(&format!("/enclaves/robot/arm/{name} cannot be read")), "{said}");
+                    let refusal = keystore.find(strategy, Some("/robot/arm")).unwrap_err();
+                    assert!(refusal.contains(&format!("/enclaves/robot/arm/{name} cannot be read")), "{refusal}");
                 }
                 let lenient = keystore.find("Permissive", Some("/robot/arm")).unwrap();
                 assert!(matches!(lenient, Security::Unprotected(reason) if reason.contains(name)));

@@ -14,8 +14,8 @@ use crate::matches::ProgramId;
 use crate::occasionally::Occasionally;
 use crate::peers::Peers;
 
-/// How long an answer waits for a caller whose reader is not known yet. A request can overtake the news of it, and what is sent
-/// before is lost; whoever is unknown after this has gone or never listened.
+/// How long an answer waits for a caller whose reader is not known yet. A request can overtake the news of it, and what
+/// is sent before is lost; whoever is unknown after this has gone or never listened.
 pub(crate) const INTRODUCTION_OF_CALLER: Duration = Duration::from_secs(5);
 
 /// Requests that wait for a service, unless it says otherwise: whoever floods it holds no more memory than these.
@@ -65,7 +65,8 @@ impl<S: Service> ServeOptions<S> {
 
 type Endpoint<S> = ros2_client::Server<Wire<<S as Service>::Request>, Wire<<S as Service>::Response>>;
 
-/// Receives at all times, so that the middleware's own short queue never overflows, and answers as many at once as the options say.
+/// Receives at all times, so that the middleware's own short queue never overflows, and answers as many at once as the
+/// options say.
 pub(crate) async fn serve<S: Service>(
     service: String,
     server: Endpoint<S>,
@@ -80,7 +81,7 @@ pub(crate) async fn serve<S: Service>(
     // An answer may wait for its caller to become known; no other request must wait for that, least of all one to stop.
     let mut unsent = FuturesUnordered::new();
     let mut unreadable = Occasionally::default();
-    let mut unheard = Occasionally::default();
+    let mut unanswered = Occasionally::default();
     loop {
         while running.len() < options.parallel
             && let Some((id, request)) = waiting.pop_front()
@@ -102,7 +103,7 @@ pub(crate) async fn serve<S: Service>(
                     match refusal.filter(|_| unsent.len() < UNSENT) {
                         Some(refusal) => unsent.push(respond::<S>(&service, &server, &callers, id, refusal)),
                         None => {
-                            if let Some(count) = unheard.now() {
+                            if let Some(count) = unanswered.now() {
                                 tracing::warn!(
                                     "service {service}: {} requests wait already; {count} got no answer",
                                     waiting.len()

@@ -76,14 +76,14 @@ impl Core {
         }
     }
 
-    /// Tells of every publisher, or whole participant, that is gone from now on.
+    /// Reports every publisher, or whole participant, that is gone from now on.
     pub(crate) fn departures(&self) -> UnboundedReceiver<Departure> {
         let (sender, receiver) = unbounded_channel();
         self.departures.lock().unwrap_or_else(PoisonError::into_inner).push(sender);
         receiver
     }
 
-    /// Tells every subscription that a publisher, or a whole participant, is gone.
+    /// Notifies every subscription that a publisher, or a whole participant, is gone.
     pub(crate) fn note_departure(&self, departure: Departure) {
         let mut departures = self.departures.lock().unwrap_or_else(PoisonError::into_inner);
         departures.retain(|subscription| subscription.send(departure).is_ok());

@@ -166,7 +166,7 @@ impl Watchdog {
                 self.asked = Some(now);
                 self.deadline = self.deadline.or(Some(now + END_PATIENCE));
             }
-            // The same wish twice: a terminal tells the whole group, and a launch system tells its nodes once more.
+            // The same wish twice: a terminal signals the whole group, and a launch system signals its nodes once more.
             Some(first) if now - first < SAME_WISH => {}
             // The shell's number for a process ended by SIGINT.
             Some(_) => end_process("", 130),
@@ -175,14 +175,14 @@ impl Watchdog {
     }
 
     /// SIGCONT alone says nothing: systemd and `timeout` send it after SIGTERM to processes that were never stopped.
-    fn notice_suspension(&mut self, now: Instant, gap: Duration, asleep: Duration) {
+    fn notice_suspension(&mut self, now: Instant, gap: Duration, suspended: Duration) {
         if gap >= SUSPENSION {
             self.gap = Some(now);
         }
         let continued = CONTINUED.load(Ordering::SeqCst);
         let goes_on = std::mem::replace(&mut self.continued, continued) != continued;
         let recent = self.gap.is_some_and(|gap| now - gap < SUSPENSION);
-        if self.asked.is_none() && ((goes_on && recent) || asleep >= SLEEP) {
+        if self.asked.is_none() && ((goes_on && recent) || suspended >= SLEEP) {
             self.health.note(SUSPENDED);
         }
     }

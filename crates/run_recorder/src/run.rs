@@ -72,7 +72,7 @@ pub struct RunRecorder {
     last_written_state: Option<(Duration, Mode)>,
     gaits: u32,
     gait_name: String,
-    /// What was sent before the first cycle, which alone tells the time.
+    /// What was sent before the first cycle, which alone gives the time.
     before: Vec<(Topic, String)>,
 }
 
@@ -166,7 +166,7 @@ impl RunRecorder {
     }
 
     /// The bag's stamp of something at `time`. It never falls, so that a bag is read in the order in which it was
-    /// written even if the clock went backwards; the message's own stamp tells the truth. At the first time that is
+    /// written even if the clock went backwards; the message's own stamp is right. At the first time that is
     /// told, everything that was sent before is written.
     fn stamp_ns(&mut self, time: Duration) -> Result<u64, BagError> {
         let stamp_ns = self.epoch_ns.saturating_add(time.as_nanos().try_into().unwrap_or(u64::MAX));
@@ -190,8 +190,8 @@ impl RunRecorder {
         self.text(&self.gait_file.clone(), &gait.to_json())
     }
 
-    /// One cycle: what [`control::Controller::step`] saw and said. `effort_nm`: the drives' torques with the state,
-    /// where they are measured. Gives whether all of it was taken.
+    /// One cycle: what [`control::Controller::step`] read and returned. `effort_nm`: the drives' torques with the
+    /// state, where they are measured. Gives whether all of it was taken.
     ///
     /// # Errors
     /// [`BagError`] if it has no CDR form, which no cycle lacks.

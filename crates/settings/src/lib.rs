@@ -1,4 +1,4 @@
-//! Numbers that a user may set: name, default, range, unit and text, each said once.
+//! Numbers that a user may set: name, default, range, unit and text, each declared once.
 //!
 //! Libraries check their configuration by them, nodes declare parameters by them, and the command line takes its
 //! defaults from them.

@@ -1,5 +1,5 @@
-//! Twelve emulated drives at the far end of the robot's buses, moved by the simulator: what the controller's hardware side
-//! talks to where there is no robot. They take the frames and the wiring file that are meant for the robot.
+//! Twelve emulated drives at the far end of the robot's buses, moved by the simulator: what the controller's hardware
+//! side talks to where there is no robot. They take the frames and the wiring file that are meant for the robot.
 
 use control::{InertialState, JOINTS};
 pub use joint_bus::DriveProtocol;
@@ -27,8 +27,8 @@ pub struct DriveBench {
 }
 
 impl DriveBench {
-    /// Drives wired as in `config`, behaving as `model` (whose torque limit is the joint's; the gear is reckoned with), on
-    /// `links` in the order of the file's interfaces.
+    /// Drives wired as in `config`, behaving as `model` (whose torque limit is the joint's; the gear is reckoned with),
+    /// on `links` in the order of the file's interfaces.
     ///
     /// # Panics
     /// If there are not as many links as interfaces.
@@ -62,7 +62,8 @@ impl DriveBench {
         (turns * (q - wiring.zero_rad), turns * v)
     }
 
-    /// Takes every frame that has come in by `now` and answers it, the joints being at `q` rad and moving with `v` rad/s.
+    /// Takes every frame that has come in by `now` and answers it, the joints being at `q` rad and moving with `v`
+    /// rad/s.
     pub fn answer(&mut self, now: Duration, q: &[f64; JOINTS], v: &[f64; JOINTS]) {
         for n in 0..self.ends.len() {
             if let Some(until) = self.ends[n].down_until {
@@ -104,7 +105,7 @@ impl DriveBench {
         })
     }
 
-    /// Replies that a full or dead bus did not take.
+    /// Replies that a full or failed bus did not take.
     pub fn lost_replies(&self) -> u64 {
         self.lost_replies
     }

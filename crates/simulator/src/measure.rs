@@ -156,8 +156,8 @@ pub struct Measure {
 }
 
 impl Measure {
-    /// Measures a walk whose steps take `step_duration_s`, with drives limited to `torque_limit_nm`. The first sample is the
-    /// walk's beginning.
+    /// Measures a walk whose steps take `step_duration_s`, with drives limited to `torque_limit_nm`. The first sample
+    /// is the walk's beginning.
     pub fn new(step_duration_s: f64, torque_limit_nm: [f64; 12]) -> Self {
         Self {
             step_duration_s,
@@ -179,7 +179,8 @@ impl Measure {
         }
     }
 
-    /// Takes one sample; `height_m` is the base's height above the toe centres of a robot standing on the ground below it.
+    /// Takes one sample; `height_m` is the base's height above the toe centres of a robot standing on the ground below
+    /// it.
     pub fn sample(&mut self, state: &RobotState, height_m: f64) {
         let start = *self.start_s.get_or_insert(state.time_s);
         let since = state.time_s - start;

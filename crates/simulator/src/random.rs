@@ -1,4 +1,5 @@
-//! A small seeded generator, so that one seed gives the same run on every machine and with every version of every crate.
+//! A small seeded generator, so that one seed gives the same run on every machine and with every version of every
+//! crate.
 
 /// SplitMix64 (Steele, Lea and Flood, "Fast splittable pseudorandom number generators", 2014).
 #[derive(Clone, Debug)]

@@ -1,21 +1,19 @@
 //! The robot in MuJoCo: [`Simulator`].
 
 mod accelerometer;
+mod fall;
+mod toe_forces;
 
 use crate::meshes::Meshes;
-use crate::{Fall, MUJOCO_VERSION, Posture, Push, Random, RobotState, SimulatorError, SimulatorOptions, description};
+use crate::{MUJOCO_VERSION, Posture, Push, Random, RobotState, SimulatorError, SimulatorOptions, description};
 use gait::Gait;
 use joints::{JOINTS, JointCommand, LEGS};
 use mujoco_rs::prelude::{MjData, MjModel, MjtObjBase};
-use nalgebra::{Matrix3, Quaternion, UnitQuaternion, Vector3};
+use nalgebra::{Quaternion, UnitQuaternion, Vector3};
 use robot::Robot;
 
 /// How long a robot that is put down sitting sinks before time begins, s.
 const SINKING_S: f64 = 1.5;
-/// A body lower than this fraction of its first height has fallen.
-const FALLEN_HEIGHT_FRACTION: f64 = 0.6;
-/// A body tilted by more than this has fallen, rad.
-const FALLEN_TILT_RAD: f64 = 0.8;
 
 /// MuJoCo, the robot in it and its drives.
 pub struct Simulator {
@@ -317,7 +315,7 @@ impl Simulator {
         self.data.xfrc_applied_mut()[self.base_body] = wrench;
         self.data.step();
         self.step += 1;
-        self.feel();
+        self.accumulate_specific_force();
     }
 
     /// Simulated time since the reset, s.
@@ -363,54 +361,6 @@ impl Simulator {
     /// Centres of the toe spheres in the world, m.
     pub fn toe_positions_m(&self) -> [[f64; 3]; LEGS] {
         self.toe_geoms.map(|toe| self.data.geom_xpos()[toe])
-    }
-
-    fn toe_forces(&self) -> [[f64; 3]; LEGS] {
-        let mut forces = [[0.0; 3]; LEGS];
-        for (i, contact) in self.data.contact().iter().enumerate() {
-            for (leg, &toe) in self.toe_geoms.iter().enumerate() {
-                // The normal, first row of the contact frame, points from the first geom to the second.
-                let sign = match toe as i32 {
-                    t if t == contact.geom[1] => 1.0,
-                    t if t == contact.geom[0] => -1.0,
-                    _ => continue,
-                };
-                let force = self.data.contact_force(i);
-                let frame = Matrix3::from_row_slice(&contact.frame);
-                let in_world = frame.transpose() * Vector3::new(force[0], force[1], force[2]) * sign;
-                for axis in 0..3 {
-                    forces[leg][axis] += in_world[axis];
-                }
-            }
-        }
-        forces
-    }
-
-    /// Whether the robot has fallen, judged on the present state.
-    pub fn fallen(&self) -> Option<Fall> {
-        let (qpos, qvel) = (self.data.qpos(), self.data.qvel());
-        if qpos.iter().chain(qvel).any(|v| !v.is_finite()) {
-            return Some(Fall::NotFinite);
-        }
-        let state = self.state();
-        let [roll, pitch, _] = state.roll_pitch_yaw();
-        if roll.abs().max(pitch.abs()) > FALLEN_TILT_RAD {
-            return Some(Fall::Tilted);
-        }
-        let height = qpos[2] - self.options.terrain.ground_m(qpos[0], qpos[1]);
-        (height < FALLEN_HEIGHT_FRACTION * self.first_height_m).then_some(Fall::Low)
-    }
-
-    /// From now on a fall is judged against this height of the base above the toe centres, m (after standing up, for
-    /// example).
-    pub fn expect_height(&mut self, height_m: f64) {
-        self.first_height_m = height_m;
-    }
-
-    /// Height of the base above the toe centres of a robot that stands on the ground below it, m.
-    pub fn height_m(&self) -> f64 {
-        let qpos = self.data.qpos();
-        qpos[2] - self.toe_radius_m - self.options.terrain.ground_m(qpos[0], qpos[1])
     }
 
     /// MuJoCo's data, for drawing.

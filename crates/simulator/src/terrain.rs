@@ -3,8 +3,8 @@
 use crate::{Random, setting};
 use settings::Setting;
 
-/// Shape of the ground. Slopes turn gravity instead of the floor, so the world's x-y plane is always the ground plane and a
-/// gait's initial state means the same everywhere.
+/// Shape of the ground. Slopes turn gravity instead of the floor, so the world's x-y plane is always the ground plane
+/// and a gait's initial state means the same everywhere.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Terrain {
     /// A level plane at z = 0.
@@ -158,7 +158,8 @@ impl Terrain {
 
     /// Rows and columns of the rough field's grid and the side of its square, m.
     fn grid(cell_m: f64) -> (usize, usize) {
-        // A cell is drawn with two samples a side at least, or MuJoCo's triangles would turn the blocks into a smooth hill.
+        // A cell is drawn with two samples a side at least, or MuJoCo's triangles would turn the blocks into a smooth
+        // hill.
         let samples_per_cell = 2;
         let cells = (2.0 * ROUGH_HALF_SIDE_M / cell_m).round().max(1.0) as usize;
         (cells * samples_per_cell, samples_per_cell)

@@ -1,4 +1,5 @@
-//! The controller's own step and the simulator in one process: the same code as on the robot, without a network between.
+//! The controller's own step and the simulator in one process: the same code as on the robot, without a network
+//! between.
 
 mod path;
 

@@ -1,11 +1,13 @@
-//! Days of the robot in the simulator: up, walk, one gait after another, stop, sit. What an operator may ask ends in no fault.
+//! Days of the robot in the simulator: up, walk, one gait after another, stop, sit. What an operator may ask ends in no
+//! fault.
 
 mod common;
 
 use common::{Day, Shelf};
 use control::{Mode, PreparedGait, Request};
 
-/// Feet that carry the robot are dragged while it sits down: on a rough ground joints lag by 0.2 rad, which is no stuck joint.
+/// Feet that carry the robot are dragged while it sits down: on a rough ground joints lag by 0.2 rad, which is no stuck
+/// joint.
 #[test]
 fn after_any_walk_it_stops_and_sits_down_on_smooth_and_rough_ground() {
     let shelf = Shelf::new();

@@ -121,7 +121,7 @@ fn a_toe_without_a_ball_stands_on_robot_tomls() {
 }
 
 #[test]
-fn damping_of_the_urdf_and_rotors_of_robot_toml_are_felt() {
+fn damping_of_the_urdf_and_rotors_of_robot_toml_act() {
     let plain = walked(TOML, URDF, &[]);
     let damped = walked(
         TOML,

@@ -24,7 +24,8 @@ fn run(options: WalkOptions) -> Result<Walk, WalkError> {
     walk(&vision60(), &amble(), &options, &mut |_, _, _| {})
 }
 
-/// The controller's own step walks as an independent program's bare law does on the same gait file (mean torques within 5 %).
+/// The controller's own step walks as an independent program's bare law does on the same gait file (mean torques within
+/// 5 %).
 #[test]
 fn the_controller_walks_the_amble_as_the_bare_law_does_elsewhere() {
     let walk = run(WalkOptions::default()).unwrap();
@@ -37,8 +38,8 @@ fn the_controller_walks_the_amble_as_the_bare_law_does_elsewhere() {
     assert!((walk.figures.speed_m_s - 0.3605).abs() < 0.01, "{:?}", walk.figures);
 }
 
-/// Plans the amble for a slope (degrees up ahead, up to the left) and walks it there for 20 s; without a plan of its own, the flat
-/// ground's.
+/// Plans the amble for a slope (degrees up ahead, up to the left) and walks it there for 20 s; without a plan of its
+/// own, the flat ground's.
 fn on_slope(planned_deg: [f64; 2], walked_deg: [f64; 2]) -> Walk {
     let robot = vision60();
     let mut request = GaitRequest::named("amble", &robot).unwrap();
@@ -97,7 +98,7 @@ fn one_seed_one_walk_to_the_bit() {
 }
 
 #[test]
-fn a_push_too_strong_ends_in_a_fall_that_is_told() {
+fn a_push_too_strong_ends_in_a_fall_that_is_reported() {
     let push = Push { start_s: 1.0, duration_s: 0.2, force_n: [0.0, 600.0, 0.0] };
     let walk = run(WalkOptions { pushes: vec![push], ..WalkOptions::default() }).unwrap();
     let (End::Fell { at_s, .. } | End::Fault { at_s, .. }) = walk.end else { panic!("{:?}", walk.end) };
@@ -195,8 +196,8 @@ fn on_emulated_drives_it_walks_in_balance_on_what_the_inertial_units_frames_say(
     }
 }
 
-/// Out of standing the drives need hardly more than while walking. Asked for the whole amble at once they reached their limit in its
-/// second step.
+/// Out of standing the drives need hardly more than while walking. Asked for the whole amble at once they reached their
+/// limit in its second step.
 #[test]
 fn no_gait_started_from_standing_comes_near_the_drives_limit() {
     let robot = vision60();
@@ -225,7 +226,7 @@ fn no_gait_started_from_standing_comes_near_the_drives_limit() {
     }
 }
 
-/// What docs/simulation.md says of latency, at its two ends: the whole table takes minutes.
+/// What docs/measurements/simulation.md says of latency, at its two ends: the whole table takes minutes.
 #[test]
 fn latency_is_borne_where_the_drives_close_the_law_and_ends_in_a_fault_where_the_controller_does() {
     let robot = vision60();

@@ -72,8 +72,8 @@ struct RecoverArguments {
 
 /// Run the recorded controller again and compare every command to the bit
 ///
-/// Feeds the recorded configuration, gaits, joint states and requests to the controller's step. Ends with an error code and
-/// the first difference (time, joint, both values) if a command comes out differently.
+/// Feeds the recorded configuration, gaits, joint states and requests to the controller's step. Ends with an error code
+/// and the first difference (time, joint, both values) if a command comes out differently.
 #[derive(clap::Args)]
 struct VerifyArguments {
     /// A bag recorded by `tandem simulate --bag` or by the controller
@@ -307,12 +307,14 @@ fn filter(arguments: &FilterArguments) -> Result<ExitCode> {
 }
 
 fn export(arguments: &ExportArguments) -> Result<ExitCode> {
-    export_csv(&arguments.bag, &arguments.output, &arguments.topics, &mut |written| tell(&written, arguments.json))?;
+    export_csv(&arguments.bag, &arguments.output, &arguments.topics, &mut |written| {
+        report_written(&written, arguments.json)
+    })?;
     Ok(ExitCode::SUCCESS)
 }
 
 /// Says what was exported.
-pub fn tell(written: &Written, as_json: bool) -> Result<()> {
+pub fn report_written(written: &Written, as_json: bool) -> Result<()> {
     let Written { file, rows, columns } = written;
     if as_json {
         output::json(&json!({ "file": file, "rows": rows, "columns": columns }))?;

@@ -21,7 +21,7 @@ use tandem_msgs::text::{SENTENCE_CHARS, printable};
 ///
 /// Wiring file, interfaces, bit rates, every drive and its encoder, temperatures, real-time rights, the loop's
 /// punctuality, clocks, versions. Each failure comes with what to do. Drives are only asked where they are: they stay
-/// at rest, nothing is armed and nothing moves. First it listens: where another program already speaks to the drives,
+/// at rest, nothing is armed and nothing moves. First it listens: where another program already sends to the drives,
 /// it says nothing to them. Ends with an error code if anything failed; warnings are no failure.
 ///
 ///   tandem doctor --bus config/hardware/vision60_can.toml
@@ -178,7 +178,7 @@ fn examine(arguments: &Arguments) -> Result<Vec<Finding>> {
             .collect(),
         Err(error) => vec![failure(
             format!("{error}: the drives were not asked"),
-            "the robot must be disarmed, sitting or hung up, and nothing else must speak to its drives; then look again",
+            "the robot must be disarmed, sitting or hung up, and nothing else must send to its drives; then look again",
         )],
     });
     if !all_up && asked {
@@ -249,7 +249,7 @@ mod tests {
     }
 
     #[test]
-    fn without_interfaces_every_drive_is_missed_and_the_machine_is_told_of() {
+    fn without_interfaces_every_drive_is_missed_and_the_machine_is_reported() {
         let folder = concat!(env!("CARGO_MANIFEST_DIR"), "/../../config");
         let text = std::fs::read_to_string(format!("{folder}/hardware/vision60_can.toml")).unwrap();
         let file = tempfile::NamedTempFile::new().unwrap();

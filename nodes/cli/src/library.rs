@@ -36,13 +36,14 @@ enum Command {
 
 /// Solve every combination of the axes' values, on all cores
 ///
-/// The file is written while it is solved; the same command again takes up an interrupted one. The last axis is walked along,
-/// each gait from those before it: give it the most values.
+/// The file is written while it is solved; the same command again takes up an interrupted one. The last axis is walked
+/// along, each gait from those before it: give it the most values.
 #[derive(clap::Args)]
 struct SolveArguments {
     /// gait1, gait2, gait3, gait4 or amble: gives what no axis varies
     behaviour: String,
-    /// An axis: first value, last value, how many. Fields: step_duration_s, clearance_m, speed_m_s, height_m, half_width_m, slope_rad
+    /// An axis: first value, last value, how many. Fields: step_duration_s, clearance_m, speed_m_s, height_m,
+    /// half_width_m, slope_rad
     #[arg(long = "axis", value_name = "FIELD=FROM:TO:COUNT", required = true, value_parser = axis, allow_hyphen_values = true)]
     axes: Vec<Axis>,
     /// The library's file
@@ -70,7 +71,8 @@ struct ShowArguments {
     robot: RobotArguments,
 }
 
-/// Take a gait out of a library: a grid point's own, or interpolated between its neighbours, saying how far it breaks the constraints
+/// Take a gait out of a library: a grid point's own, or interpolated between its neighbours, saying how far it breaks
+/// the constraints
 #[derive(clap::Args)]
 struct GaitArguments {
     /// The library's file
@@ -219,7 +221,7 @@ fn solve(arguments: &SolveArguments) -> Result<()> {
         library.insert(index, entry);
     }
     drop(out);
-    // In the grid's order, so that the file does not tell which thread was faster.
+    // In the grid's order, so that the file does not depend on which thread was faster.
     output::write_file(file, library.to_text().as_bytes())?;
     note!("solved {} gaits in {:.2} s on {threads} threads", before, start.elapsed().as_secs_f64());
     describe(&library, file, arguments.json)

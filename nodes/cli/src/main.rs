@@ -1,4 +1,5 @@
-//! `tandem`: plan gaits, simulate them, look at what happened — without ROS, DDS or a robot; and walk them with the nodes.
+//! `tandem`: plan gaits, simulate them, look at what happened — without ROS, DDS or a robot; and walk them with the
+//! nodes.
 
 #[macro_use]
 mod output;
@@ -70,7 +71,7 @@ enum Command {
 fn main() -> ExitCode {
     let arguments = match Arguments::try_parse() {
         Ok(arguments) => arguments,
-        Err(said) => return output::answer(&said),
+        Err(refusal) => return output::answer(&refusal),
     };
     let result = match arguments.command {
         Command::Plan(a) => plan::run(&a),

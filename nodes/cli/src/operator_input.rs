@@ -95,7 +95,7 @@ impl OperatorInput {
 
     fn read_key(&mut self) -> InputEvent {
         let mut key = 0_u8;
-        // Past the standard library's buffer: what waited there, poll would not tell of.
+        // Past the standard library's buffer: what waited there, poll would not report.
         // SAFETY: the pointer is to a local of that size.
         match unsafe { libc::read(0, (&raw mut key).cast(), 1) } {
             1 => InputEvent::Key(key),

@@ -57,11 +57,12 @@ pub struct Arguments {
     /// Slope of the ground, degrees; positive is uphill
     #[arg(long, value_name = "DEG", allow_negative_numbers = true)]
     slope: Option<f64>,
-    /// Slope of the ground across the walk, degrees; positive rises to the left. Two steps are planned, by the full-order program:
-    /// tenths of a second instead of milliseconds
+    /// Slope of the ground across the walk, degrees; positive rises to the left. Two steps are planned, by the
+    /// full-order program: tenths of a second instead of milliseconds
     #[arg(long, value_name = "DEG", allow_negative_numbers = true)]
     sideways_slope: Option<f64>,
-    /// Pitch that the torso is held at, degrees; positive lowers its nose. Planned by the full-order program: tenths of a second
+    /// Pitch that the torso is held at, degrees; positive lowers its nose. Planned by the full-order program: tenths of
+    /// a second
     #[arg(long, value_name = "DEG", allow_negative_numbers = true)]
     torso_pitch: Option<f64>,
     /// Roll that the torso is held at, degrees; positive lowers its right side. Two steps: tenths of a second
@@ -87,8 +88,8 @@ pub struct Arguments {
     /// Where to write the gait file, `-` for standard output; with `all`, a folder
     #[arg(short, long, value_name = "FILE")]
     output: Option<PathBuf>,
-    /// Simulate the planned step with the full-order model, look at the plan between the program's points, and say how far they
-    /// depart from the plan
+    /// Simulate the planned step with the full-order model, look at the plan between the program's points, and say how
+    /// far they depart from the plan
     #[arg(long)]
     verify: bool,
     /// With --verify, draw the planned and the simulated step into this folder, NAME_step.png
@@ -113,7 +114,8 @@ enum ReferenceArgument {
     Compensated,
     /// The planned joints themselves: the robot sags, for comparison
     PlannedJoints,
-    /// A reference planned inside the full-order program, with the law's torques: tenths of a second instead of milliseconds
+    /// A reference planned inside the full-order program, with the law's torques: tenths of a second instead of
+    /// milliseconds
     InProgram,
 }
 
@@ -158,7 +160,7 @@ pub fn run(arguments: &Arguments) -> Result<ExitCode> {
     Ok(ExitCode::SUCCESS)
 }
 
-/// Plans one gait, writes it and tells of it. Whether the model follows it.
+/// Plans one gait, writes it and reports it. Whether the model follows it.
 fn one(arguments: &Arguments, robot: &robot::Robot, name: &str, file: Option<&Path>) -> Result<bool> {
     let request = arguments.request(name, robot)?;
     let plan = timed(robot, &request, arguments, arguments.verbose)?;
@@ -205,8 +207,8 @@ fn multiplier(gait: &gait::Gait) -> String {
     format!("{:.3}{}", c.largest_multiplier, if skims { " skims" } else { "" })
 }
 
-/// Plans the five gaits and prints Table I of the paper beside what came of them. Each is planned a few times, and the fastest
-/// counts: the first finds the processor asleep.
+/// Plans the five gaits and prints Table I of the paper beside what came of them. Each is planned a few times, and the
+/// fastest counts: the first finds the processor idle.
 fn table(arguments: &Arguments, robot: &robot::Robot) -> Result<()> {
     const TIMES: usize = 5;
     if !arguments.json {

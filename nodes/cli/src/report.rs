@@ -1,5 +1,6 @@
 //! `tandem report`: recordings as a page, as pictures, or both.
 
+use crate::bag::{export_csv, report_written};
 use crate::output;
 use crate::progress::Progress;
 use crate::robots::RobotArguments;
@@ -12,8 +13,9 @@ use std::process::ExitCode;
 
 /// Make a page of one or more recordings, to look at and to compare
 ///
-/// The page is one file that needs no network: phase portraits, torques beside the paper's Table II, everything over time,
-/// footfalls, the control cycle's timing, events, and the robot with a scrubber. Several bags are laid over one another.
+/// The page is one file that needs no network: phase portraits, torques beside the paper's Table II, everything over
+/// time, footfalls, the control cycle's timing, events, and the robot with a scrubber. Several bags are laid over one
+/// another.
 ///
 ///   tandem report out/run -o report.html
 ///   tandem report monday tuesday -o compare.html
@@ -58,7 +60,7 @@ pub fn run(arguments: &Arguments) -> Result<ExitCode> {
             Vec::new()
         } else {
             render_tiles(arguments, run).or_else(|problem| {
-                said(arguments, &format!("{label}: no tiles: {problem:#}"))?;
+                note(arguments, &format!("{label}: no tiles: {problem:#}"))?;
                 anyhow::Ok(Vec::new())
             })?
         });
@@ -72,7 +74,7 @@ pub fn run(arguments: &Arguments) -> Result<ExitCode> {
     if let Some(folder) = &arguments.csv {
         for (bag, label) in arguments.bags.iter().zip(&labels) {
             let folder = if runs.len() == 1 { folder.clone() } else { folder.join(label) };
-            crate::bag::export_csv(bag, &folder, &[], &mut |written| crate::bag::tell(&written, arguments.json))?;
+            export_csv(bag, &folder, &[], &mut |written| report_written(&written, arguments.json))?;
         }
     }
     let page = match &arguments.output {
@@ -84,7 +86,7 @@ pub fn run(arguments: &Arguments) -> Result<ExitCode> {
     for ((run, label), tiles) in runs.iter().zip(&labels).zip(&tiles) {
         let shape = skeleton(run);
         if let Err(problem) = &shape {
-            said(arguments, &format!("{label}: no animation: {problem}"))?;
+            note(arguments, &format!("{label}: no animation: {problem}"))?;
         }
         let caption = run.gait.as_ref().map_or(label.as_str(), |gait| gait.name.as_str());
         let tiles_png = if tiles.is_empty() { None } else { Some(::report::tile_strip(caption, tiles)?.to_png()?) };
@@ -118,7 +120,7 @@ pub fn run(arguments: &Arguments) -> Result<ExitCode> {
 }
 
 /// A remark: beside JSON objects on standard error.
-fn said(arguments: &Arguments, words: &str) -> Result<()> {
+fn note(arguments: &Arguments, words: &str) -> Result<()> {
     if arguments.json {
         note!("{words}")
     } else {

@@ -25,9 +25,9 @@ use tandem_msgs::{ControllerState, std_msgs};
 
 /// Publish every link's frame and shapes for RViz and Foxglove, or show the robot in a browser
 ///
-/// Listens to joint_states, odom, ground_force/LEG, gait and controller_state, of running nodes or of a bag that is played, and
-/// publishes /tf (base_link to every link), markers (visualization_msgs/MarkerArray: feet, ground forces, the planned paths of
-/// the swinging feet) and robot_description (latched). Until Ctrl-C.
+/// Listens to joint_states, odom, ground_force/LEG, gait and controller_state, of running nodes or of a bag that is
+/// played, and publishes /tf (base_link to every link), markers (visualization_msgs/MarkerArray: feet, ground forces,
+/// the planned paths of the swinging feet) and robot_description (latched). Until Ctrl-C.
 ///
 /// With --web it publishes none of these and serves a page instead, on this machine alone: the robot as it moves, its
 /// feet, forces, mode and faults, and a stop button. The button says nothing before it is pressed: an open page is no

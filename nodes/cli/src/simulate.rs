@@ -70,9 +70,15 @@ pub struct Arguments {
     #[arg(long, value_name = "DEG", group = "ground", allow_negative_numbers = true)]
     ramp: Option<f64>,
     /// Push on the base: seconds after the first step, duration in s, force ahead and to the left in N
-    #[arg(long, value_names = ["T", "DURATION", "FX", "FY"], num_args = 4, action = clap::ArgAction::Append, allow_negative_numbers = true)]
+    #[arg(
+        long,
+        value_names = ["T", "DURATION", "FX", "FY"],
+        num_args = 4,
+        action = clap::ArgAction::Append,
+        allow_negative_numbers = true
+    )]
     push: Vec<f64>,
-    /// Walk in balance: steps are placed, hurried and levelled by what the robot feels (docs/balance.md)
+    /// Walk in balance: steps are placed, hurried and levelled by what is measured (docs/balance.md)
     #[arg(long)]
     balance: bool,
     /// With --balance: velocity from T seconds after the first step on, ahead and to the left in m/s, turning in rad/s
@@ -88,7 +94,8 @@ pub struct Arguments {
     /// Time that a command takes to the drives, a multiple of the control period, s
     #[arg(long, value_name = "S", default_value_t = 0.0)]
     delay: f64,
-    /// Emulated drives behind the frames of this wiring file, in place of ideal ones (config/hardware/vision60_can.toml)
+    /// Emulated drives behind the frames of this wiring file, in place of ideal ones
+    /// (config/hardware/vision60_can.toml)
     #[arg(long, value_name = "FILE", conflicts_with = "delay")]
     bus: Option<PathBuf>,
     /// With --bus: how long a drive takes from a frame to its effect, s
@@ -100,7 +107,8 @@ pub struct Arguments {
     /// Time between two control cycles, s
     #[arg(long, value_name = "S", default_value_t = 1e-3)]
     period: f64,
-    /// Write phase portraits, torques, time series, footfalls, tiles and an animation of a stride (PNG) into this folder
+    /// Write phase portraits, torques, time series, footfalls, tiles and an animation of a stride (PNG) into this
+    /// folder
     #[arg(long, value_name = "FOLDER", value_parser = output::folder)]
     out: Option<PathBuf>,
     /// Record a bag of the run (rosbag2, MCAP) in this folder, for `tandem bag` and `tandem report`

@@ -1,4 +1,5 @@
-//! `tandem walk`: a client of the three nodes. It asks for gaits, lets the robot walk them, watches, records and reports.
+//! `tandem walk`: a client of the three nodes. It asks for gaits, lets the robot walk them, watches, records and
+//! reports.
 
 mod recorded;
 mod summary;
@@ -38,11 +39,11 @@ const SILENCE: Duration = Duration::from_secs(10);
 
 /// Ask the running nodes for gaits and walk them, with a record of everything
 ///
-/// For each gait: calls the planner's service generate_gait, puts the robot down, arms it, lets it stand, walk for the time
-/// given, stop and sit, has the controller record all of it into a rosbag2 bag, and writes the gait file, phase portraits, torques, time series,
-/// footfalls and tiles of a step. Then prints what came out beside the paper's Table II. Ends with an error code if the
-/// robot fell. The planner, the controller and the simulation bridge must run in the same ROS domain and namespace:
-/// launch-scripts/demo starts all of them.
+/// For each gait: calls the planner's service generate_gait, puts the robot down, arms it, lets it stand, walk for the
+/// time given, stop and sit, has the controller record all of it into a rosbag2 bag, and writes the gait file, phase
+/// portraits, torques, time series, footfalls and tiles of a step. Then prints what came out beside the paper's Table
+/// II. Ends with an error code if the robot fell. The planner, the controller and the simulation bridge must run in the
+/// same ROS domain and namespace: launch-scripts/demo starts all of them.
 ///
 ///   tandem walk gait1 amble --seconds 20 --out out/demo
 #[derive(clap::Args)]
@@ -90,7 +91,7 @@ pub fn run(arguments: &Arguments) -> Result<ExitCode> {
             Err(error) => {
                 // Leaves in order; a robot that walks is asked to stop, also where nobody reads on.
                 session.leave();
-                arguments.tell(&robot, &done)?;
+                arguments.print_summary(&robot, &done)?;
                 return Err(error.context(name.clone()));
             }
         }
@@ -100,7 +101,7 @@ pub fn run(arguments: &Arguments) -> Result<ExitCode> {
     let json = serde_json::to_string_pretty(&done.iter().map(Walked::json).collect::<Vec<_>>())? + "\n";
     write(&arguments.out.join("summary.json"), json.as_bytes())?;
     node.shutdown();
-    arguments.tell(&robot, &done)?;
+    arguments.print_summary(&robot, &done)?;
     if !arguments.json {
         say!("\nfiles are in {}", arguments.out.display())?;
     }
@@ -108,7 +109,7 @@ pub fn run(arguments: &Arguments) -> Result<ExitCode> {
 }
 
 impl Arguments {
-    fn tell(&self, robot: &Robot, done: &[Walked]) -> Result<()> {
+    fn print_summary(&self, robot: &Robot, done: &[Walked]) -> Result<()> {
         if self.json {
             done.iter().try_for_each(|walked| output::document(&walked.json()))?;
         } else {
@@ -118,7 +119,7 @@ impl Arguments {
     }
 }
 
-/// The clients of the nodes' services, and the eyes on their topics.
+/// The clients of the nodes' services, and the subscriptions to their topics.
 struct Session<'a> {
     node: &'a Node,
     robot: &'a Robot,
@@ -255,7 +256,7 @@ impl<'a> Session<'a> {
         }
         let walked = self.walk_recorded(name, seconds, folder, gait);
         if walked.is_err() {
-            // Of what went wrong the recording tells most. Its own error would hide the first.
+            // The recording holds most of what went wrong. Its own error would hide the first.
             let _ = self.stop_recording.call(StopRecordingRequest::default(), RECORDING_PATIENCE);
         }
         walked

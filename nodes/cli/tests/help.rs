@@ -87,7 +87,7 @@ fn does_what_it_says(place: &Place, line: &str) -> bool {
             let output = json_lines(&place.succeeds(line));
             assert!(output.len() == 5 && output.iter().all(|output| output["upright"] == true), "{output:?}");
         }
-        "tandem simulate uphill.json --slope 5 --mu 0.5 --push 3 0.1 0 100" => the_push_is_felt(place, line),
+        "tandem simulate uphill.json --slope 5 --mu 0.5 --push 3 0.1 0 100" => the_push_acts(place, line),
         "tandem simulate amble.json --slope 10 --balance --push 3 0.1 0 300 --velocity 5 0.2 0 0.3" => {
             let with = json_lines(&place.succeeds(&format!("{line} --json --seconds 12 --bag balanced")))[0].clone();
             assert!(with["upright"] == true && with["figures"]["turned_deg"].as_f64().unwrap() > 60.0, "{with}");
@@ -158,7 +158,7 @@ fn looks_at_bags(place: &Place, line: &str) -> bool {
 }
 
 /// It walks on until the push and beyond; without the push it walks another way from then on, and not before.
-fn the_push_is_felt(place: &Place, line: &str) {
+fn the_push_acts(place: &Place, line: &str) {
     let with = json_lines(&place.succeeds(&format!("{line} --json --seconds 6")))[0].clone();
     let without = line.split(" --push").next().unwrap();
     let without = json_lines(&place.succeeds(&format!("{without} --json --seconds 6")))[0].clone();
@@ -169,7 +169,7 @@ fn the_push_is_felt(place: &Place, line: &str) {
     assert!(place.succeeds(line).contains("upright to the end (20.0 s)"));
 }
 
-/// Plays until it has said that it does.
+/// Plays until it has reported that it does.
 fn plays(place: &Place, line: &str) {
     let mut child = place.shell(&format!("exec {}", line)).stdout(Stdio::piped()).spawn().unwrap();
     let mut first = String::new();

@@ -63,17 +63,17 @@ impl Player {
         writeln!(self.0.stdin.as_mut().unwrap(), "{line}").unwrap();
     }
 
-    /// Waits for its end; gives what it said on standard error.
+    /// Waits for its end; gives its standard error.
     fn ends(mut self) -> String {
         let begun = Instant::now();
         while self.0.try_wait().unwrap().is_none() {
             assert!(begun.elapsed() < PATIENCE, "it does not end");
             std::thread::sleep(Duration::from_millis(20));
         }
-        let mut said = String::new();
-        std::io::Read::read_to_string(self.0.stderr.as_mut().unwrap(), &mut said).unwrap();
-        assert!(!said.contains("panicked"), "{said}");
-        said
+        let mut errors = String::new();
+        std::io::Read::read_to_string(self.0.stderr.as_mut().unwrap(), &mut errors).unwrap();
+        assert!(!errors.contains("panicked"), "{errors}");
+        errors
     }
 }
 
@@ -131,8 +131,8 @@ fn mixed_offers_serve_both_and_overrides_are_followed(node: &Node, folder: &Path
     assert!(sensor.try_iter().count() > 0, "a best-effort subscriber is served");
     assert_eq!(reliable.try_iter().count(), 0, "the override offers no reliability");
     std::fs::write(folder.join("overrides.yaml"), "/two:\n  reliability: perhaps\n").unwrap();
-    let said = Player::start(&arguments, folder).ends();
-    assert!(said.contains("overrides.yaml: /two: reliability is perhaps"), "{said}");
+    let errors = Player::start(&arguments, folder).ends();
+    assert!(errors.contains("overrides.yaml: /two: reliability is perhaps"), "{errors}");
 }
 
 fn latched_messages_of_all_publishers_come_first(node: &Node, folder: &Path) {
@@ -167,9 +167,9 @@ fn what_cannot_be_played_is_named_and_the_rest_played(node: &Node, folder: &Path
     ];
     write_bag(&folder.join("mixed.mcap"), &topics);
     let received = subscribe(node, "/rest", Qos::reliable(10));
-    let said = Player::start(&["mixed.mcap", "--delay", "3"], folder).ends();
+    let errors = Player::start(&["mixed.mcap", "--delay", "3"], folder).ends();
     assert_eq!(next(&received, 2), ["0", "1"]);
-    assert!(said.contains("/json is not played: its messages are in 'json'"), "{said}");
-    assert!(said.contains("/proto is not played: its type is 'foxglove.Pose'"), "{said}");
-    assert!(!said.contains("/idl is not played"), "{said}");
+    assert!(errors.contains("/json is not played: its messages are in 'json'"), "{errors}");
+    assert!(errors.contains("/proto is not played: its type is 'foxglove.Pose'"), "{errors}");
+    assert!(!errors.contains("/idl is not played"), "{errors}");
 }

@@ -130,7 +130,7 @@ fn ctrl_c_ends_a_command_that_waits() {
 }
 
 #[test]
-fn a_dash_is_standard_output_and_nothing_else_is_said_there() {
+fn a_dash_is_standard_output_and_nothing_else_is_printed_there() {
     let place = Place::new();
     let gait = std::fs::read_to_string(place.path().join("amble.json")).unwrap();
     let keys = |text: &str| {

@@ -1,4 +1,5 @@
-//! `tandem show` beside a running robot, over real DDS between two processes: this test is the nodes, the program is the viewer's source.
+//! `tandem show` beside a running robot, over real DDS between two processes: this test is the nodes, the program is
+//! the viewer's source.
 
 use gait::Gait;
 use ros::{Arguments, Node, Publisher, Qos};

@@ -1,4 +1,5 @@
-//! The control thread: read, step, write. Between its start and its end it takes no lock, allocates nothing, and logs nothing.
+//! The control thread: read, step, write. Between its start and its end it takes no lock, allocates nothing, and logs
+//! nothing.
 
 use crate::body_pose::BodyPoses;
 use crate::dds_bus::DdsBus;
@@ -218,8 +219,8 @@ impl Cycle {
         }
     }
 
-    /// Runs on the wall clock until the end of the program: read, step, write. The last command is damping; after it the drives'
-    /// own watchdogs damp.
+    /// Runs on the wall clock until the end of the program: read, step, write. The last command is damping; after it
+    /// the drives' own watchdogs damp.
     pub fn run_realtime(
         mut self,
         mut bus: impl JointBus,
@@ -244,7 +245,7 @@ impl Cycle {
             let measured = Measured {
                 awaits_answers,
                 state: state.as_ref(),
-                effort_nm: readings.torque_told.then_some(readings.torque_nm),
+                effort_nm: readings.torque_reported.then_some(readings.torque_nm),
                 inertial: bus.read_inertial(now),
                 fault: bus.fault(now),
                 readings: Some(readings),
@@ -258,9 +259,9 @@ impl Cycle {
         }
     }
 
-    /// Runs on the stamps of the joint states until the end of the program: one step for each new stamp, none for a stamp
-    /// that was answered before, which gets the same answer again. What is asked between two stamps is applied at the
-    /// second, so that a run is the same to the bit however its processes are scheduled.
+    /// Runs on the stamps of the joint states until the end of the program: one step for each new stamp, none for a
+    /// stamp that was answered before, which gets the same answer again. What is asked between two stamps is applied at
+    /// the second, so that a run is the same to the bit however its processes are scheduled.
     pub fn run_lockstep(mut self, mut bus: DdsBus) {
         let mut memory = Memory { lockstep: true, ..Memory::default() };
         let mut readings = Readings::default();
@@ -277,7 +278,7 @@ impl Cycle {
                 last = Some(stamp);
                 bus.read(stamp, &mut readings);
                 let state = readings.joint_state();
-                let effort_nm = readings.torque_told.then_some(readings.torque_nm);
+                let effort_nm = readings.torque_reported.then_some(readings.torque_nm);
                 let fault = bus.fault(stamp);
                 let (state, readings) = (state.as_ref(), Some(readings));
                 let measured = Measured { state, effort_nm, fault, readings, ..Measured::default() };

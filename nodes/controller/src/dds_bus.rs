@@ -109,7 +109,7 @@ impl DdsBus {
         let mut named = (0..JOINTS).filter(|j| message.named[*j]);
         if named.clone().all(|j| self.stamps[j] == Some(message.stamp)) {
             // Time stands still where the states come from, and the source lives. On the machine's own clock it does
-            // not stand still, and a source that repeats itself is a dead one.
+            // not stand still, and a source that repeats itself has failed.
             if let Some((stamp, wall)) = &mut self.newest
                 && *stamp == message.stamp
                 && self.clock == CycleClock::JointStates
@@ -131,7 +131,7 @@ impl DdsBus {
             CycleClock::JointStates => message.stamp,
             CycleClock::Monotonic => message.wall,
         };
-        self.held.torque_told = message.torque_nm.is_some();
+        self.held.torque_reported = message.torque_nm.is_some();
         for j in (0..JOINTS).filter(|j| message.named[*j]) {
             self.held.position_rad[j] = message.position_rad[j];
             self.held.velocity_rad_s[j] = message.velocity_rad_s[j];

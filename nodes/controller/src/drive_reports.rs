@@ -1,5 +1,5 @@
 //! What the drives say of themselves, where the cycle reads them itself: `joint_diagnostics`, and `battery_state` where
-//! their frames tell the voltage that they are fed with.
+//! their frames carry the voltage that they are fed with.
 
 use control::JOINTS;
 use joint_bus::{BusHealth, Readings};

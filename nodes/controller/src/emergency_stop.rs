@@ -31,7 +31,7 @@ struct Known {
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Gone {
     No,
-    /// It said so, and had pressed.
+    /// It left in order, and had pressed.
     InOrder,
     /// It was lost, and had pressed or was a heartbeat.
     Lost,
@@ -150,13 +150,13 @@ impl EmergencyStop {
             let received = level.heartbeat_ns.load(Ordering::Acquire);
             level.pressed.load(Ordering::Acquire) || (received > 0 && silent(received))
         });
-        let unheard = self.heartbeat_ns > 0 && {
+        let not_received = self.heartbeat_ns > 0 && {
             let received = self.received_ns.load(Ordering::Acquire);
             received == 0 || silent(received)
         };
         latched
             || by_topic
-            || unheard
+            || not_received
             || !self.is_active()
             || self.service.load(Ordering::Acquire)
             || self.overflow.load(Ordering::Acquire)
@@ -234,7 +234,7 @@ mod tests {
     }
 
     #[test]
-    fn what_others_say_does_not_release_a_publishers_press() {
+    fn what_others_send_does_not_release_a_publishers_press() {
         let stop = EmergencyStop::new(None);
         stop.received(id(2), false, NOW);
         stop.received(id(1), true, NOW);
@@ -304,7 +304,7 @@ mod tests {
     }
 
     #[test]
-    fn a_heartbeat_that_takes_its_leave_is_not_missed_but_somebody_must_be_heard() {
+    fn a_heartbeat_that_takes_its_leave_is_not_missed_but_somebody_must_be_received() {
         let stop = EmergencyStop::new(Some(500 * MS));
         for n in 0..3 {
             stop.received(id(1), false, NOW + n * 50 * MS);
@@ -345,7 +345,7 @@ mod tests {
     }
 
     #[test]
-    fn a_press_whose_publisher_took_its_leave_stays_until_the_next_one_says_otherwise() {
+    fn a_press_whose_publisher_took_its_leave_stays_until_the_next_one_sends_otherwise() {
         let stop = EmergencyStop::new(None);
         stop.received(id(1), false, NOW);
         stop.received(id(2), true, NOW);

@@ -45,7 +45,7 @@ impl FootContactsPublisher {
     pub fn follow(&mut self, cycle: &CycleOutput) -> Result<(), PublishError> {
         let output = &cycle.output;
         let Some((readings, stamp)) = cycle.readings.as_ref().zip(output.answered) else { return Ok(()) };
-        if !readings.torque_told || self.last == Some(stamp) {
+        if !readings.torque_reported || self.last == Some(stamp) {
             return Ok(());
         }
         let dt_s = self.last.map_or(0.0, |last| stamp.saturating_sub(last).as_secs_f64());

@@ -94,7 +94,7 @@ impl InputProblems {
     }
 }
 
-/// Looks at the joint states for what no single message tells.
+/// Looks at the joint states for what no single message shows.
 #[derive(Clone, Debug, Default)]
 pub struct StateWatch {
     /// In lockstep a stamp that stands still is a simulation that waits.
@@ -173,7 +173,7 @@ mod tests {
     }
 
     #[test]
-    fn stamps_of_zero_or_whole_seconds_are_told_for_what_they_are() {
+    fn stamps_of_zero_or_whole_seconds_are_named_for_what_they_are() {
         for stamp in [Duration::ZERO, Duration::from_secs(7)] {
             let mut watch = StateWatch::default();
             let problems: Vec<_> =
@@ -205,7 +205,7 @@ mod tests {
     }
 
     #[test]
-    fn a_value_that_is_no_number_is_told_by_joint_and_forgotten_when_it_is_over() {
+    fn a_value_that_is_no_number_is_reported_by_joint_and_forgotten_when_it_is_over() {
         let mut bad = state(MS, MS, |_| true);
         bad.velocity_rad_s[4] = f64::NAN;
         let text = StateWatch::default().look(&bad, &names(), &names()).unwrap();

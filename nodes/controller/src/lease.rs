@@ -12,7 +12,7 @@ const NAME_CHARS: usize = 64;
 /// Longest claim, s.
 const MOST_S: f64 = 86_400.0;
 
-/// Who drives, if anybody has said so. Times are of the monotonic clock.
+/// Who drives, if anybody has claimed it. Times are of the monotonic clock.
 #[derive(Debug, Default)]
 pub struct Lease(Mutex<Option<Held>>);
 
@@ -50,7 +50,7 @@ impl Lease {
     /// Claims, renews or takes over. Either way a sentence for people.
     ///
     /// # Errors
-    /// A value that cannot be meant, or somebody else holds it.
+    /// An invalid value, or somebody else holds it.
     pub fn claim(&self, program: ProgramId, request: &ClaimRequest, now: Duration) -> Result<String, String> {
         let ClaimRequest { name, duration_s, take } = request;
         if name.trim().is_empty() || name.chars().count() > NAME_CHARS || printable(name, text::NAME_CHARS) != *name {

@@ -1,4 +1,5 @@
-//! tandem_controller: walks a gait with the paper's PD law. Parameters, topics and services: docs/safety.md, docs/hardware.md.
+//! tandem_controller: walks a gait with the paper's PD law. Parameters, topics and services: docs/safety.md,
+//! docs/hardware.md.
 
 use ros::{Arguments, Node};
 use std::io::Write;

@@ -1,4 +1,5 @@
-//! Messages to and from the controller's own types: the one place where the two meet. (Gaits: [`tandem_msgs::Gait::to_gait`].)
+//! Messages to and from the controller's own types: the one place where the two meet. (Gaits:
+//! [`tandem_msgs::Gait::to_gait`].)
 
 use crate::messages::{CommandMessage, StateMessage};
 use control::{InertialState, JOINTS, Output};
@@ -16,8 +17,8 @@ fn order(found: &[String], names: &[String; JOINTS]) -> [Option<usize>; JOINTS] 
     from
 }
 
-/// The joints of a message that came in at `wall`, in our order. A joint that it lacks is marked so: another message may have it.
-/// Values that are not finite go through: the controller has a fault for them.
+/// The joints of a message that came in at `wall`, in our order. A joint that it lacks is marked so: another message
+/// may have it. Values that are not finite go through: the controller has a fault for them.
 ///
 /// # Errors
 /// What is wrong with the message, where it cannot be taken.
@@ -66,8 +67,9 @@ fn time(stamp: Duration) -> Time {
     Time::from_nanoseconds(i64::try_from(stamp.as_nanos()).unwrap_or(i64::MAX))
 }
 
-/// All that an inertial unit says; `arrived` is for the cycle to say. What it does not measure (covariance −1) is none. What
-/// cannot be goes through: the controller has a fault for it. Besides, what is wrong with the message, if something is.
+/// All that an inertial unit says; `arrived` is for the cycle to say. What it does not measure (covariance −1) is none.
+/// What cannot be goes through: the controller has a fault for it. Besides, what is wrong with the message, if
+/// something is.
 pub fn inertial_state(message: &sensor_msgs::Imu) -> (InertialState, Option<String>) {
     let (q, v, a) = (message.orientation, &message.angular_velocity, &message.linear_acceleration);
     // A covariance that is no number says nothing, the measurement least of all that there is none.
@@ -193,9 +195,9 @@ mod tests {
         message.velocity.pop();
         let problem = joint_state(&message, &names(), wall).unwrap_err();
         assert!(problem.contains("velocity has 12 entries, name has 13"));
-        let stranger =
+        let foreign =
             sensor_msgs::JointState { name: vec!["pan".into()], position: vec![0.0], velocity: vec![0.0], ..message };
-        assert!(joint_state(&stranger, &names(), wall).unwrap_err().contains("\"joint_0\" is missing"));
+        assert!(joint_state(&foreign, &names(), wall).unwrap_err().contains("\"joint_0\" is missing"));
     }
 
     #[test]

@@ -1,4 +1,5 @@
-//! Callbacks and services: turn messages into values, refuse what is wrong with them, put the rest into the cycle's buffers.
+//! Callbacks and services: turn messages into values, refuse what is wrong with them, put the rest into the cycle's
+//! buffers.
 
 use crate::cycle::{Asked, TimedInertial};
 use crate::dds_bus;
@@ -25,7 +26,8 @@ use tandem_msgs::{
     StartRecordingResponse, StopRecording, StopRecordingResponse, sensor_msgs, std_msgs,
 };
 
-/// How long a service waits for the cycle. In lockstep time may stand still; the request is then applied when it goes on.
+/// How long a service waits for the cycle. In lockstep time may stand still; the request is then applied when it goes
+/// on.
 const PATIENCE: Duration = Duration::from_millis(300);
 
 /// Presses and releases that may come at once without one being dropped.
@@ -128,8 +130,8 @@ impl Services {
         }
     }
 
-    /// Asks the cycle and waits for its reply: whether it was granted, and a sentence for people. While the node is not active
-    /// only the drives may be switched off.
+    /// Asks the cycle and waits for its reply: whether it was granted, and a sentence for people. While the node is not
+    /// active only the drives may be switched off.
     pub fn ask(&self, request: Request) -> (bool, String) {
         if !self.emergency_stop.is_active() && request != Request::Disarm {
             return (false, "the controller is not active: activate it (its service change_state)".into());

@@ -74,7 +74,7 @@ fn open_inertial_unit(bus: &BusConfig) -> Result<Option<Box<dyn InertialUnit>>, 
 fn listen_first(bus: &mut DriveBus<DriveProtocol, CanLink>) -> anyhow::Result<()> {
     let until = monotonic_now() + LISTEN_FIRST;
     while monotonic_now() < until {
-        if let Some((interface, joint)) = bus.hear_stranger(monotonic_now()) {
+        if let Some((interface, joint)) = bus.listen_for_second_master(monotonic_now()) {
             anyhow::bail!(
                 "second_controller: somebody else commands the drive of {joint} on {interface}: stop that controller first"
             );

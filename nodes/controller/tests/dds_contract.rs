@@ -1,4 +1,5 @@
-//! The contract of every joint bus, kept by the topics `joint_states` and `joint_command` over real DDS between two nodes.
+//! The contract of every joint bus, kept by the topics `joint_states` and `joint_command` over real DDS between two
+//! nodes.
 
 use control::{JOINTS, JointCommand};
 use joint_bus::{ContractBench, JointBus, Readings, check_contract};
@@ -201,7 +202,7 @@ fn on_the_machines_clock_a_source_that_repeats_itself_grows_stale() {
 }
 
 #[test]
-fn commands_answer_the_newest_state_and_a_stalled_speaker_is_counted() {
+fn commands_answer_the_newest_state_and_a_stalled_publisher_is_counted() {
     let (mut bus, mut states, mut commands) = bus(CycleClock::JointStates);
     bus.write(&JointCommand::LIMP, true, MS);
     assert!(commands.pop().is_err(), "nothing to answer");

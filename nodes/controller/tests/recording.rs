@@ -1,5 +1,5 @@
-//! Recording beside a walking controller: the cycle allocates nothing, the bag runs again to the bit, and whatever happens to the
-//! disk is a fault of the recording alone.
+//! Recording beside a walking controller: the cycle allocates nothing, the bag runs again to the bit, and whatever
+//! happens to the disk is a fault of the recording alone.
 
 use bag::Bag;
 use control::{Config, Controller, Input, JointState, Mode, PreparedGait, Request};
@@ -304,8 +304,8 @@ fn a_read_only_folder_is_a_fault_and_the_robot_walks_on() {
     assert_eq!(bench.recording.stop().unwrap().dropped, 0);
 }
 
-/// The writer's thread does not run for 9.5 s: a machine that is too busy. Two seconds fit into the buffer; what does not is a number,
-/// while it is recorded, in the answer, and in the bag.
+/// The writer's thread does not run for 9.5 s: a machine that is too busy. Two seconds fit into the buffer; what does
+/// not is a number, while it is recorded, in the answer, and in the bag.
 #[test]
 fn a_writer_that_is_stalled_leaves_a_hole_of_known_size() {
     const BUFFER: u64 = 2048;

@@ -13,9 +13,10 @@ use crate::ports;
 
 /// Plans gaits for one robot.
 ///
-/// Every solve starts from the same guess, never from the gait planned before it: the same request gives the same gait, to the bit,
-/// whatever was asked before ([`gait_design::Planner::with_memory`] would be quicker, and its gaits differ in the last digits with what
-/// was asked before). What is kept between requests is storage and the program's structure.
+/// Every solve starts from the same guess, never from the gait planned before it: the same request gives the same gait,
+/// to the bit, whatever was asked before ([`gait_design::Planner::with_memory`] would be quicker, and its gaits differ
+/// in the last digits with what was asked before). What is kept between requests is storage and the program's
+/// structure.
 pub struct Planner {
     robot: Robot,
     /// Those that no request uses at present; as many come to be as requests are planned at once.
@@ -32,9 +33,9 @@ impl Planner {
         Planner { robot, idle: Mutex::default(), time_limit, find_nearest }
     }
 
-    /// Plans, or says why not, in the answer's own fields; the gait, where there is one, comes beside it. `progress` sees every iteration of the first solve, with the time
-    /// since its start, and may stop it.
-    /// The search for the nearest request goes on while `go_on`.
+    /// Plans, or says why not, in the answer's own fields; the gait, where there is one, comes beside it. `progress`
+    /// sees every iteration of the first solve, with the time since its start, and may stop it. The search for the
+    /// nearest request goes on while `go_on`.
     pub fn generate(
         &self,
         message: &GenerateGaitRequest,
@@ -178,9 +179,9 @@ mod tests {
         assert_eq!(out_of_range.nearest_fields, ["speed_m_s"]);
         let [speed] = out_of_range.nearest_values[..] else { panic!("{:?}", out_of_range.nearest_values) };
         assert!(speed > 0.35 && speed < 5.0, "{speed}");
-        let (as_told, gait) = ask(|m| m.speed_m_s = Some(speed).into());
-        assert!(as_told.success && gait.is_some(), "the proposal is planned: {}", as_told.message);
-        assert!(as_told.binding_constraints.is_empty() && as_told.nearest_fields.is_empty());
+        let (as_proposed, gait) = ask(|m| m.speed_m_s = Some(speed).into());
+        assert!(as_proposed.success && gait.is_some(), "the proposal is planned: {}", as_proposed.message);
+        assert!(as_proposed.binding_constraints.is_empty() && as_proposed.nearest_fields.is_empty());
 
         let (not_a_number, _) = ask(|m| m.height_m = Some(f64::NAN).into());
         assert_eq!(not_a_number.status, ports::INVALID_REQUEST);

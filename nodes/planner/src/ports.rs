@@ -7,7 +7,7 @@ use gait_design::{
 use robot::Robot;
 use tandem_msgs::{Gait, GenerateGaitFeedback, GenerateGaitRequest, GenerateGaitResponse, Optional, SolverReport};
 
-/// `status` of an answer to a request that cannot be meant.
+/// `status` of an answer to an invalid request.
 pub const INVALID_REQUEST: &str = "invalid_request";
 /// `status` of an answer to a request that came while too many others waited.
 pub const BUSY: &str = "busy";

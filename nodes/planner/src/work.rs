@@ -67,8 +67,8 @@ impl Shared {
         self.active.load(Ordering::Acquire)
     }
 
-    /// The time by the node's clock, and later than that of the gait before: an answer names its gait by its stamp, and simulated time
-    /// may stand still.
+    /// The time by the node's clock, and later than that of the gait before: an answer names its gait by its stamp, and
+    /// simulated time may stand still.
     fn stamp(&self) -> Time {
         let now = self.clock.now().nanoseconds();
         let later = |before: i64| now.max(before.saturating_add(1));

@@ -4,9 +4,9 @@
 //! simulation's own time, which begins one control period after zero (zero means "no time yet" to ROS 2) and never goes
 //! back, not even at a reset.
 //!
-//! Lockstep: the joint state of a stamp is published, the command with that stamp awaited, the physics stepped to the next
-//! stamp. While paused, or while no answer comes, the same state is published again every 50 ms of wall time, so that a
-//! controller that starts late finds it.
+//! Lockstep: the joint state of a stamp is published, the command with that stamp awaited, the physics stepped to the
+//! next stamp. While paused, or while no answer comes, the same state is published again every 50 ms of wall time, so
+//! that a controller that starts late finds it.
 
 mod clients;
 mod error;
@@ -87,8 +87,8 @@ pub struct Bridge {
 }
 
 impl Bridge {
-    /// Opens the topics and services and puts the robot down; it publishes and steps once it is activated. With `bench` the joints hang on emulated drives, and
-    /// `joint_command` is not listened to.
+    /// Opens the topics and services and puts the robot down; it publishes and steps once it is activated. With `bench`
+    /// the joints hang on emulated drives, and `joint_command` is not listened to.
     ///
     /// # Errors
     /// What the middleware or the simulator refuse.

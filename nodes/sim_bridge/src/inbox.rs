@@ -1,5 +1,5 @@
-//! What the node's callbacks leave for the thread that steps the simulation. Bounded: only the newest command is kept, and
-//! requests are refused when too many wait.
+//! What the node's callbacks leave for the thread that steps the simulation. Bounded: only the newest command is kept,
+//! and requests are refused when too many wait.
 
 use control::JointCommand;
 use std::collections::VecDeque;

@@ -158,7 +158,7 @@ pub fn run(robot: &Robot, simulated: Option<&Robot>, gait: &Gait, trial: &Trial)
         }
         for _ in 0..steps_per_cycle {
             simulator.step();
-            sensors.feel(&simulator);
+            sensors.accumulate(&simulator);
         }
         if let Some(fall) = simulator.fallen() {
             let why = recorder.record(&simulator, &control_loop, cycle, Some(fall));

@@ -1,4 +1,5 @@
-//! The bridge as a managed node: configured the robot is put down and the topics are there, active time passes and they speak.
+//! The bridge as a managed node: configured the robot is put down and the topics are there, active time passes and they
+//! are published.
 
 use crate::bridge::{Bridge, BridgeError, ask};
 use crate::config::{Config, Pace};

@@ -1,4 +1,5 @@
-//! The node over real DDS between two processes: this test is the controller's side, the program built here is the bridge.
+//! The node over real DDS between two processes: this test is the controller's side, the program built here is the
+//! bridge.
 
 use gait::{Gait, StepSide};
 use ros::{Arguments, Node, Qos};

@@ -90,7 +90,7 @@ fn undisturbed_it_sways_less_than_the_bare_law_and_keeps_its_heading_and_torques
 
 /// The estimate beside the truth, and where the robot goes.
 #[test]
-fn it_goes_where_it_is_told_and_knows_where_it_is() {
+fn it_goes_where_it_is_commanded_and_its_odometry_agrees() {
     let asked = vec![
         (0.0, Velocity { forward_m_s: 0.3, ..Velocity::default() }),
         (4.0, Velocity { left_m_s: 0.15, ..Velocity::default() }),

@@ -1,4 +1,4 @@
-//! A robot that walks in balance as far as its joints tell.
+//! A robot that walks in balance as far as its joints show.
 
 use control::balanced::BalanceConfig;
 use control::{
@@ -30,7 +30,7 @@ pub struct Bench {
     pub joints: JointState,
     pub unit: Option<InertialState>,
     /// The unit reports something new in every cycle.
-    pub speaks: bool,
+    pub unit_sends: bool,
     pub force_m_s2: [f64; 3],
     pub turning_rad_s: [f64; 3],
     pub velocity: Option<VelocityCommand>,
@@ -63,7 +63,7 @@ impl Bench {
             controller: Controller::new(config).unwrap(),
             now,
             unit: Some(unit),
-            speaks: true,
+            unit_sends: true,
             force_m_s2: [0.0, 0.0, 9.81],
             turning_rad_s: [0.0; 3],
             velocity: None,
@@ -75,7 +75,7 @@ impl Bench {
     pub fn cycle(&mut self, requests: &[Request]) -> Output {
         self.now += PERIOD;
         (self.joints.stamp, self.joints.arrived) = (self.now, [self.now; JOINTS]);
-        if let Some(unit) = self.unit.as_mut().filter(|_| self.speaks) {
+        if let Some(unit) = self.unit.as_mut().filter(|_| self.unit_sends) {
             (unit.stamp, unit.arrived) = (self.now, self.now);
             unit.acceleration_m_s2 = Some(self.force_m_s2);
             unit.angular_velocity_rad_s = Some(self.turning_rad_s);

@@ -242,8 +242,8 @@ pub fn law(gait: &Gait, side: StepSide, s: f64, q: &[f64; JOINTS], v: &[f64; JOI
     std::array::from_fn(|j| gait.gains.kp[j] * (position[j] - q[j]) + gait.gains.kd[j] * (velocity[j] - v[j]))
 }
 
-/// Prints what a test of the fault matrix measured, and holds docs/safety.md to it: the row that names the test says the number in
-/// its last column.
+/// Prints what a test of the fault matrix measured, and holds docs/safety.md to it: the row that names the test says
+/// the number in its last column.
 pub fn measured(test: &str, cycles: usize) {
     println!("{test}: {cycles} cycles");
     let page = include_str!("../../../../docs/safety.md");

@@ -2,11 +2,12 @@
 
 use super::*;
 
-/// Those of [`UNKNOWN`] whose positions and velocities change an acceleration or a force. The body's place and its straight
-/// speed do not.
+/// Those of [`UNKNOWN`] whose positions and velocities change an acceleration or a force. The body's place and its
+/// straight speed do not.
 const FELT: Range<usize> = 3..7;
 
-/// Seven linear rows on a point's q, q̇, q̈ with their residuals: stance toes 2 and 1, then the moment about their line.
+/// Seven linear rows on a point's q, q̇, q̈ with their residuals: stance toes 2 and 1, then the moment about their
+/// line.
 #[derive(Clone)]
 pub(super) struct PointRows {
     pub(super) q: [[f64; DOF]; 7],
@@ -33,8 +34,8 @@ impl<'a> Interval<'a> {
         Self { x, g, first_point: 2 * interval, h: per_t * x[at::T], per_t }
     }
 
-    /// What T and the residuals add to the value in the middle and at the end: the end's share of T and its constant, then the
-    /// middle's, which holds half of the end's.
+    /// What T and the residuals add to the value in the middle and at the end: the end's share of T and its constant,
+    /// then the middle's, which holds half of the end's.
     #[inline(always)]
     fn own(&self, slope: usize, i: usize) -> [[f64; 2]; 2] {
         let f: [f64; 3] = std::array::from_fn(|k| self.x[at::point(self.first_point + k) + slope + i]);
@@ -44,8 +45,8 @@ impl<'a> Interval<'a> {
         [end, middle]
     }
 
-    /// Value of coordinate `i` in the middle and at the end from the value at the start and the slopes at the three points
-    /// (velocities if `slope` is [`at::V`], accelerations if it is [`at::A`]).
+    /// Value of coordinate `i` in the middle and at the end from the value at the start and the slopes at the three
+    /// points (velocities if `slope` is [`at::V`], accelerations if it is [`at::A`]).
     #[inline(always)]
     pub(super) fn integrate<const N: usize>(
         &self,
@@ -73,9 +74,9 @@ impl<'a> Interval<'a> {
     }
 }
 
-/// Part 1: q, q̇, q̈ of the unknown coordinates at every point, as affine functions of whatever the inputs are functions of.
-/// `subtract_outputs` takes what the prescribed outputs add to a point's rows from their right-hand sides; `each` gets the
-/// points one after the other.
+/// Part 1: q, q̇, q̈ of the unknown coordinates at every point, as affine functions of whatever the inputs are
+/// functions of. `subtract_outputs` takes what the prescribed outputs add to a point's rows from their right-hand
+/// sides; `each` gets the points one after the other.
 #[inline(always)]
 pub(super) fn move_along<const N: usize>(
     program: &DecomposedProgram,

@@ -6,10 +6,10 @@ use crate::request::RequestError;
 /// What is wrong with a library or with a question to it.
 #[derive(Debug, thiserror::Error)]
 pub enum LibraryError {
-    /// The grid cannot be meant.
+    /// The grid is invalid.
     #[error("the grid {0}")]
     Grid(String),
-    /// A base request or a grid's end that cannot be meant.
+    /// A base request or a grid's end that is invalid.
     #[error(transparent)]
     Request(#[from] RequestError),
     /// Not a library, or not of this version.

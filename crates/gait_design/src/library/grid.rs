@@ -81,7 +81,7 @@ pub struct Grid {
 
 impl Grid {
     /// Checks that the axes are ascending, different and not too many points, and that the grid's two ends are requests
-    /// that can be meant.
+    /// that are valid.
     pub fn new(robot: &Robot, base: GaitRequest, axes: Vec<Axis>) -> Result<Self, LibraryError> {
         let grid = Self { base, axes };
         grid.check()?;

@@ -105,7 +105,8 @@ fn hock_schittkowski_71_reaches_the_published_minimum() {
     assert!((multipliers[1] - 0.1614686).abs() < 1e-3, "{multipliers:?}");
 }
 
-/// A bowl whose curvature the Hessian states twice and 1.5 times too large, so that plain steps halve the error at best.
+/// A bowl whose curvature the Hessian states twice and 1.5 times too large, so that plain steps halve the error at
+/// best.
 fn bowl_with_a_cautious_hessian() -> Dense {
     Dense::new(
         [vec![-FREE; 2], vec![FREE; 2]],
@@ -220,7 +221,7 @@ fn a_nan_ends_the_solve_and_says_so() {
 }
 
 #[test]
-fn the_iteration_limit_and_a_cancellation_are_told_apart() {
+fn the_iteration_limit_and_a_cancellation_are_distinguished() {
     let solver = SqpSolver::new(Settings { max_iterations: 2, ..Settings::default() }).unwrap();
     let cut = solver.solve(&mut hock_schittkowski_71(), &[1.0, 5.0, 5.0, 1.0], |_| ControlFlow::Continue(())).unwrap();
     assert_eq!(cut.status, Status::IterationLimit);

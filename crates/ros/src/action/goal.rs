@@ -30,7 +30,7 @@ impl<A: Action> Goal<A> {
         self.cancelled.load(Ordering::Relaxed)
     }
 
-    /// Tells of progress.
+    /// Reports progress.
     pub fn feedback(&self, feedback: A::Feedback) {
         // After the node's end nobody listens.
         let _ = self.feedback.send(feedback);

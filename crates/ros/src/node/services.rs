@@ -84,7 +84,7 @@ impl Node {
         Ok(())
     }
 
-    /// Tells of every publisher and every program that is gone. `left` runs on the node's threads and must be short.
+    /// Reports every publisher and every program that is gone. `left` runs on the node's threads and must be short.
     pub fn watch_departures(&self, mut left: impl FnMut(Departure) + Send + 'static) {
         let mut departures = self.core.departures();
         self.spawn(async move {

@@ -7,7 +7,7 @@ use super::store::Store;
 use super::value::ParameterValue;
 
 /// Most parameters that one request sets, reads or describes; what is beyond is refused, or left out where nothing can
-/// be said.
+/// be reported.
 pub(super) const MAX_PARAMETERS: usize = 256;
 
 impl Store {

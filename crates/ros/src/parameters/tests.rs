@@ -91,9 +91,9 @@ fn a_request_without_end_is_refused_and_sets_nothing() {
     list.value = wire::ParameterValue { r#type: 8, double_array_value: vec![0.0; MAX_ITEMS + 1], ..Default::default() };
     assert!(set(vec![list]).remove(0).reason.contains("4097 items"));
     // What is refused is not repeated in full, nor does it fake a line.
-    let mut stranger = parameter(String::new());
-    stranger.name = "x\n[INFO] armed".repeat(100_000);
-    let reason = set(vec![stranger]).remove(0).reason;
+    let mut unknown = parameter(String::new());
+    unknown.name = "x\n[INFO] armed".repeat(100_000);
+    let reason = set(vec![unknown]).remove(0).reason;
     assert!(!reason.contains('\n') && reason.chars().count() <= SENTENCE_CHARS + 1, "{reason}");
     assert_eq!(text.get(), "");
     assert!(set(vec![parameter("x".repeat(MAX_TEXT_BYTES))])[0].successful);

@@ -19,7 +19,7 @@ impl Simulator {
     }
 
     /// Its mean since this was asked last, as a unit gives that filters before it samples.
-    pub fn felt_specific_force_body(&mut self) -> [f64; 3] {
+    pub fn mean_specific_force_body(&mut self) -> [f64; 3] {
         let Accumulated { sum, count } = std::mem::take(&mut self.accumulated);
         if count == 0 { self.specific_force_body() } else { sum.map(|sum| sum / f64::from(count)) }
     }
@@ -31,12 +31,12 @@ impl Simulator {
             arrived: now,
             attitude_xyzw: Some(self.imu_quaternion_xyzw()),
             angular_velocity_rad_s: Some(self.state().base_angular_velocity_body),
-            acceleration_m_s2: Some(self.felt_specific_force_body()),
+            acceleration_m_s2: Some(self.mean_specific_force_body()),
         }
     }
 
     /// After every physics step.
-    pub(super) fn feel(&mut self) {
+    pub(super) fn accumulate_specific_force(&mut self) {
         let force = self.specific_force_body();
         self.accumulated.sum = std::array::from_fn(|axis| self.accumulated.sum[axis] + force[axis]);
         self.accumulated.count += 1;

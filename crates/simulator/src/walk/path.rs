@@ -52,12 +52,12 @@ impl Path {
         let bench = DriveBench::new(drives.bus.clone(), drives.model, far).with_inertial_unit(emulated);
         let (bus, bench) = (Box::new(bus), Box::new(bench));
         let mut path = Self::Bus { bus, bench, readings: Box::default() };
-        path.greet();
+        path.ask_first();
         Ok(path)
     }
 
-    /// A drive says where it is only when it is spoken to: the first words come before the first cycle.
-    fn greet(&mut self) {
+    /// A drive reports its position only in reply to a frame: the first is sent before the first cycle.
+    fn ask_first(&mut self) {
         if let Self::Bus { bus, .. } = self {
             bus.write(&JointCommand::LIMP, false, Duration::ZERO);
         }
@@ -69,7 +69,7 @@ impl Path {
         match self {
             Self::Own { .. } => Some(JointState::measured(now, position_rad, velocity_rad_s)),
             Self::Bus { bus, bench, readings } => {
-                // What was written in the last cycle has been answered; only the greeting still waits.
+                // What was written in the last cycle has been answered; only that first frame still waits.
                 if now.is_zero() {
                     bench.answer(now, &position_rad, &velocity_rad_s);
                 }

@@ -51,7 +51,7 @@ impl Shelf {
 }
 
 pub struct Day {
-    /// Of what a failure tells.
+    /// What a failure reports.
     pub title: String,
     pub controller: Controller,
     pub simulator: Simulator,

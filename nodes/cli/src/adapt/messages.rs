@@ -159,7 +159,7 @@ mod tests {
         };
         let ours = adapter().adapt(&message).unwrap();
         assert_eq!((ours.name, ours.position), (vec!["a".into(), "b".into()], vec![0.7, 0.3]));
-        assert_eq!((ours.velocity, ours.effort), (vec![2.0, -1.0], vec![]), "effort was not told");
+        assert_eq!((ours.velocity, ours.effort), (vec![2.0, -1.0], vec![]), "effort was not given");
         message.name.clear();
         assert_eq!(adapter().adapt(&message).unwrap().position, [0.2, -8.5], "by place");
         message.velocity.pop();

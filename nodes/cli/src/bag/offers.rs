@@ -16,7 +16,7 @@ pub struct Offered {
     pub publisher: RawPublisher,
     /// Messages from before the start that are sent first.
     pub kept: usize,
-    /// It has been said that a message of it could not be sent.
+    /// It has been reported that a message of it could not be sent.
     pub reported: bool,
 }
 

@@ -285,10 +285,10 @@ impl Player<'_> {
                 self.next_tick = Instant::now() + TICK;
                 if let Some(clock) = &self.clock {
                     // Never later than a message that is still to come, though this program runs late.
-                    let told_ns = now_ns.min(stamp_ns);
+                    let clock_ns = now_ns.min(stamp_ns);
                     let time = Time {
-                        sec: (told_ns / 1_000_000_000).try_into().unwrap_or(i32::MAX),
-                        nanosec: (told_ns % 1_000_000_000) as u32,
+                        sec: (clock_ns / 1_000_000_000).try_into().unwrap_or(i32::MAX),
+                        nanosec: (clock_ns % 1_000_000_000) as u32,
                     };
                     clock.publish(Clock { clock: time })?;
                 }
@@ -310,7 +310,8 @@ impl Player<'_> {
         *now += 1 + bytes as u64 / BYTES_PER_MS;
     }
 
-    /// What a slow reliable subscriber needs for what was sent last: half a second, and a millisecond a message and 20 kB.
+    /// What a slow reliable subscriber needs for what was sent last: half a second, and a millisecond a message and 20
+    /// kB.
     fn time_to_arrive(&self) -> Duration {
         let (_, before, now) = self.recent;
         Duration::from_millis(500 + (before + now).min(10_000))

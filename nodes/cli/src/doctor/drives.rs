@@ -19,7 +19,7 @@ const ANSWERED: f64 = 0.99;
 /// What was seen of the drives.
 pub struct Seen {
     /// Frames that were on the buses before anything was sent.
-    overheard: u64,
+    foreign_frames: u64,
     /// Questions put to each drive.
     asked: u32,
     answered: [u32; JOINTS],
@@ -31,11 +31,11 @@ pub struct Seen {
     queue_full: u64,
 }
 
-/// Listens first; then asks every drive, at rest, where it is, once a cycle. `wait` waits for the next cycle and says when it
-/// is.
+/// Listens first; then asks every drive, at rest, where it is, once a cycle. `wait` waits for the next cycle and says
+/// when it is.
 pub fn ask(bus: &mut dyn JointBus, cycles: u32, wait: &mut dyn FnMut() -> Duration) -> Seen {
     let mut seen = Seen {
-        overheard: 0,
+        foreign_frames: 0,
         asked: 0,
         answered: [0; JOINTS],
         lowest_rad: [f64::INFINITY; JOINTS],
@@ -52,8 +52,8 @@ pub fn ask(bus: &mut dyn JointBus, cycles: u32, wait: &mut dyn FnMut() -> Durati
     for _ in 0..LISTENED {
         bus.read(wait(), &mut seen.last);
     }
-    seen.overheard = frames(bus);
-    if seen.overheard > 0 {
+    seen.foreign_frames = frames(bus);
+    if seen.foreign_frames > 0 {
         // Somebody's robot may be standing: a frame sent here would make it fall.
         return seen;
     }
@@ -85,11 +85,11 @@ pub fn ask(bus: &mut dyn JointBus, cycles: u32, wait: &mut dyn FnMut() -> Durati
 
 /// What follows from it.
 pub fn findings(seen: &Seen, bus: &BusConfig, config: &Config) -> Vec<Finding> {
-    if seen.overheard > 0 {
+    if seen.foreign_frames > 0 {
         return vec![failure(
             format!(
-                "another program speaks on the buses ({} frames in {} ms): the drives were not asked",
-                seen.overheard, LISTENED
+                "another program sends on the buses ({} frames in {} ms): the drives were not asked",
+                seen.foreign_frames, LISTENED
             ),
             "stop the controller first (it must be disarmed, the robot sitting or hung up), then look again",
         )];
@@ -301,7 +301,7 @@ pub mod tests {
 
     /// Drives of a robot that may be standing are not spoken to: the first word would be "rest".
     #[test]
-    fn where_a_controller_speaks_the_doctor_keeps_silent() {
+    fn where_a_controller_sends_the_doctor_sends_nothing() {
         let (robot, bus) = (vision60(), wiring("mit"));
         let (near, mut far): (Vec<_>, Vec<_>) = (0..4).map(|_| pair()).unzip();
         let mut drives = DriveBus::new(bus.clone(), DriveProtocol::of(&bus), near);

@@ -60,20 +60,20 @@ pub fn ask(name: &str) -> Asked {
         queue_length: attribute("tx_queue_len").and_then(|text| text.parse().ok()),
         ..Facts::default()
     };
-    let said = Command::new("ip").args(["-json", "-details", "link", "show", "dev", name]).output();
-    match said {
+    let output = Command::new("ip").args(["-json", "-details", "link", "show", "dev", name]).output();
+    match output {
         Err(error) => Asked::Half(facts, format!("`ip` does not run: {error}")),
         Ok(output) => match details(&facts, &String::from_utf8_lossy(&output.stdout)) {
             Some(whole) => Asked::Whole(whole),
-            None => Asked::Half(facts, format!("`ip -json` does not tell: {}", output.status)),
+            None => Asked::Half(facts, format!("`ip -json` fails: {}", output.status)),
         },
     }
 }
 
 /// What `ip -json -details link show` adds to the facts.
 fn details(facts: &Facts, json: &str) -> Option<Facts> {
-    let said: serde_json::Value = serde_json::from_str(json).ok()?;
-    let info = said.get(0)?.get("linkinfo")?;
+    let links: serde_json::Value = serde_json::from_str(json).ok()?;
+    let info = links.get(0)?.get("linkinfo")?;
     let data = &info["info_data"];
     Some(Facts {
         is_virtual: info["info_kind"] == "vcan",

@@ -186,7 +186,7 @@ mod tests {
     }
 
     #[test]
-    fn bad_clocks_are_told_apart() {
+    fn bad_clocks_are_distinguished() {
         let well = || ClockFacts {
             source: Some("tsc".into()),
             resolution: Duration::from_nanos(30),

@@ -144,8 +144,8 @@ impl Server {
         match route {
             Ok(Route::Page) => self.page(stream),
             Ok(Route::Events) => self.events(stream),
-            Ok(Route::Press) => told(stream, self.button.press()),
-            Ok(Route::Release) => told(stream, self.button.release()),
+            Ok(Route::Press) => acknowledge(stream, self.button.press()),
+            Ok(Route::Release) => acknowledge(stream, self.button.release()),
             Err(Refusal { status, reason }) => {
                 respond(&mut stream, status, TEXT, "", &format!("{reason}\n"))?;
                 request::let_go(&mut stream)
@@ -184,7 +184,7 @@ impl Server {
     }
 }
 
-fn told(stream: TcpStream, sent: Result<(), String>) -> std::io::Result<()> {
+fn acknowledge(stream: TcpStream, sent: Result<(), String>) -> std::io::Result<()> {
     match sent {
         Ok(()) => plain(stream, "200 OK", "sent\n"),
         Err(reason) => plain(stream, "500 Internal Server Error", &format!("not sent: {reason}\n")),

@@ -15,7 +15,8 @@ use tandem_msgs::nav_msgs::Odometry;
 use tandem_msgs::sensor_msgs::JointState;
 use tandem_msgs::{ControllerState, Message};
 
-/// A body tilted by more than this has fallen, rad; lower than this share of its nominal height too. As the simulator judges.
+/// A body tilted by more than this has fallen, rad; lower than this share of its nominal height too. As the simulator
+/// judges.
 const FALLEN_TILT_RAD: f64 = 0.8;
 const FALLEN_HEIGHT_SHARE: f64 = 0.6;
 /// Stamps whose messages have not all come are given up when this many newer ones are there.

@@ -369,7 +369,7 @@ impl Day {
         if first.as_deref() != Some("disarmed") {
             return Err(format!("the controller comes back {first:?}, expected disarmed").into());
         }
-        // It tells them to rest in its first cycles; until then they damp.
+        // It commands them to rest in its first cycles; until then they damp.
         wait(
             &self.received,
             Duration::from_millis(200),
@@ -395,7 +395,7 @@ impl Day {
         Ok(())
     }
 
-    /// Started by mistake, with other names, so that nothing but the buses could tell it: it says whose they are and
+    /// Started by mistake, with other names, so that nothing but the buses shows it: it says whose they are and
     /// ends, and the robot walks on.
     fn second_controllers(&mut self, times: u32) -> Result<(), Failure> {
         if times == 0 {
@@ -404,9 +404,9 @@ impl Day {
         let arguments = [&CONTROLLER[..], &["-r", "__ns:=/second"]].concat();
         let master = format!("can0 has a master already, process {}", self.controller.id());
         for one in 1..=times {
-            let (status, said) = Program::run(&self.folder, "tandem_controller", &arguments, PATIENCE)?;
-            if status.success() || !said.contains(&master) {
-                return Err(format!("a second controller ends with {status}, expected '{master}':\n{said}").into());
+            let (status, stderr) = Program::run(&self.folder, "tandem_controller", &arguments, PATIENCE)?;
+            if status.success() || !stderr.contains(&master) {
+                return Err(format!("a second controller ends with {status}, expected '{master}':\n{stderr}").into());
             }
             self.walks_on(0.1, "a second controller")?;
             println!("can_day: second controller {one} of {times} is refused with '{master}': walked on");
@@ -425,7 +425,7 @@ impl Day {
         })?;
         let (healthy, text) = doctor(&self.folder)?;
         if healthy || !text.contains("the drives were not asked") {
-            return Err(format!("the doctor spoke to drives that a controller speaks to:\n{text}").into());
+            return Err(format!("the doctor sent to drives that a controller commands:\n{text}").into());
         }
         println!("can_day: the doctor keeps silent where a controller runs");
         Ok(())

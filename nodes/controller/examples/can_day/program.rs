@@ -31,8 +31,8 @@ impl Program {
         Ok(Self(command.args(arguments).spawn().map_err(|e| format!("{name}: {e}"))?))
     }
 
-    /// Runs a program that should end by itself, and says how it ended and what it said. It yields to the others: they
-    /// share one processor with the simulation, which plays the drives.
+    /// Runs a program that should end by itself, and returns how it ended and its standard error. It yields to the
+    /// others: they share one processor with the simulation, which plays the drives.
     pub fn run(
         folder: &str,
         name: &str,
@@ -44,11 +44,11 @@ impl Program {
         let child = command.args(arguments).stdout(Stdio::null()).stderr(Stdio::piped()).spawn()?;
         let mut program = Self(child);
         let status = program.wait(patience)?;
-        let mut said = String::new();
-        if let Some(mut stderr) = program.0.stderr.take() {
-            stderr.read_to_string(&mut said)?;
+        let mut stderr = String::new();
+        if let Some(mut pipe) = program.0.stderr.take() {
+            pipe.read_to_string(&mut stderr)?;
         }
-        Ok((status, said))
+        Ok((status, stderr))
     }
 
     pub fn id(&self) -> u32 {

@@ -50,7 +50,7 @@ pub(super) enum Order {
     Other { topic: &'static str, leg: Option<usize>, cdr: Vec<u8> },
 }
 
-/// The other end: starts, stops and tells of recordings. Shared by the services and the publishers.
+/// The other end: starts and stops recordings and reports on them. Shared by the services and the publishers.
 pub struct Recording {
     pub(super) orders: Sender<Order>,
     /// Messages of other topics on their way.

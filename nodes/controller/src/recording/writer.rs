@@ -95,7 +95,7 @@ impl Writer {
             }
             Ok(order) => self.obey(order),
         }
-        self.tell();
+        self.update_status();
         true
     }
 
@@ -244,7 +244,7 @@ impl Writer {
     }
 
     /// Brings the status up to date; says a new fault once.
-    fn tell(&mut self) {
+    fn update_status(&mut self) {
         let Some(run) = &self.run else { return };
         let RecorderStatus { written, dropped, fault, .. } = run.recorder.status();
         let mut status = lock(&self.status);

@@ -27,7 +27,7 @@ pub enum ControlLoopError {
     Simulator(#[from] crate::simulator::SimulatorError),
 }
 
-/// The controller, and what it said last.
+/// The controller, and its last output.
 pub struct ControlLoop {
     controller: Controller,
     gait: PreparedGait,

@@ -61,12 +61,12 @@ impl Sensors {
         let sign = |random: &mut Random| if random.uniform() < 0.5 { -1.0 } else { 1.0 };
         let offset_m_s2 = std::array::from_fn(|_| sign(&mut random) * noise.acceleration_offset_m_s2);
         let mut sensors = Self { noise, random, offset_m_s2, force_sum: [0.0; 3], samples: 0.0, last_rad: None };
-        sensors.feel(simulator);
+        sensors.accumulate(simulator);
         sensors
     }
 
     /// After every physics step.
-    pub fn feel(&mut self, simulator: &Simulator) {
+    pub fn accumulate(&mut self, simulator: &Simulator) {
         let force = simulator.specific_force_body();
         for axis in 0..3 {
             self.force_sum[axis] += force[axis];

@@ -1,4 +1,4 @@
-//! The balanced law: the paper's law on a reference that is reshaped by what the robot feels (docs/balance.md).
+//! The balanced law: the paper's law on a reference that is reshaped by what is measured (docs/balance.md).
 //!
 //! The reference is the plan of the gait with its stance toes moved so that the body goes where it is commanded, its
 //! swing toes placed where the body will be caught, and its step hurried where it could not be caught in time.

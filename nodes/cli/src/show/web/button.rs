@@ -28,7 +28,7 @@ enum Level {
 
 /// A page that is open is nobody's hand at a button: nothing is published before the first press. From then on somebody
 /// relies on it, so its level is repeated until this program ends: where the controller asks for a heartbeat, its
-/// silence is a press. It speaks for no other button: each one's own silence counts.
+/// silence is a press. It stands in for no other button: each one's own silence counts.
 pub struct Button {
     publisher: Publisher<Bool>,
     inner: Mutex<Inner>,

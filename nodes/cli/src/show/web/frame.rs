@@ -1,4 +1,4 @@
-//! What a page is told, as JSON: lengths in mm, forces in N, angles in degrees.
+//! What is sent to a page, as JSON: lengths in mm, forces in N, angles in degrees.
 
 use super::button::State;
 use crate::show::Received;
@@ -6,7 +6,7 @@ use crate::show::shapes::{Shapes, rotate};
 use serde_json::{Value, json};
 use std::time::{Duration, Instant};
 
-/// Diagnostics that were not said again for so long are no longer shown.
+/// Diagnostics that were not repeated for so long are no longer shown.
 const DIAGNOSTICS_KEPT: Duration = Duration::from_secs(10);
 /// Characters of a text on the page.
 const TEXT_CHARS: usize = 200;
