@@ -60,6 +60,16 @@ os._exit(0)  # rclpy's thread still spins, and Python would end beside it
 """
 
 
+def dropped(pids):
+    """Datagrams that found a node's sockets full, by node."""
+    rows = [line.split() for line in open("/proc/net/udp").read().splitlines()[1:]]
+    by_inode = {row[9]: int(row[12]) for row in rows}
+    def of(pid):
+        links = [os.readlink(f"/proc/{pid}/fd/{fd}") for fd in os.listdir(f"/proc/{pid}/fd")]
+        return sum(by_inode.get(link[8:-1], 0) for link in links if link.startswith("socket:["))
+    return [of(pid) for pid in pids]
+
+
 def ask(what):
     environment = {**os.environ, "TANDEM_TEST_DOMAIN": str(DOMAIN)}
     done = subprocess.run([sys.executable, "-c", ASKER, what], capture_output=True, text=True, cwd=ROOT, env=environment, timeout=120)
@@ -116,7 +126,10 @@ def test_a_walking_robot_does_not_notice_a_flood(robot):
             flood.kill()
         flood.wait()
     time.sleep(5)
+    lost = [dropped(pids)]
     services = ask("services")
+    lost.append(dropped(pids))
+    print(f"datagrams dropped by full sockets of each node, before and after the services: {lost}")
     after = [now - then for now, then in zip(map(resident_bytes, pids), memory, strict=True)]
     grown = max(during + after) / 2**20
     panics = sum(node.text().count("panicked at") for node in robot.nodes)
