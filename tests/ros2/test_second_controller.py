@@ -148,6 +148,7 @@ def test_two_controllers_that_start_at_once_are_never_both_content(processes, ro
         ("nan_velocity", "is NaN: expected a finite number"),
         ("no_quaternion", "has the length 0: expected 1"),
         ("short_quaternion", "has the length 0.6"),
+        ("on_its_side", "tilted onto its right side (roll 90°, pitch 0°), and it does not right itself"),
         ("two_parts", None),
         ("two_parts_apart", None),
     ],
@@ -169,6 +170,7 @@ def test_wrong_inputs_are_refused_with_the_true_reason_or_understood(processes, 
     legs = ("front_left", "rear_left", "front_right", "rear_right")
     names = [f"{leg}_{joint}" for leg in legs for joint in ("hip_roll", "hip_pitch", "knee")]
     posture = [0.0, 1.2, 2.4] * 4
+    attitudes = {"no_quaternion": (0.0, 0.0, 0.0, 0.0), "short_quaternion": (0.6, 0.0, 0.0, 0.0), "on_its_side": (0.5**0.5, 0.0, 0.0, 0.5**0.5)}
 
     def publish():
         now = time.time_ns()
@@ -191,7 +193,7 @@ def test_wrong_inputs_are_refused_with_the_true_reason_or_understood(processes, 
         attitude = Imu()
         attitude.header.stamp = stamp
         q = attitude.orientation
-        q.x, q.y, q.z, q.w = {"no_quaternion": (0.0, 0.0, 0.0, 0.0), "short_quaternion": (0.6, 0.0, 0.0, 0.0)}.get(mistake, (0.0, 0.0, 0.0, 1.0))
+        q.x, q.y, q.z, q.w = attitudes.get(mistake, (0.0, 0.0, 0.0, 1.0))
         imu.publish(attitude)
 
     timer = client.node.create_timer(0.005, publish)
@@ -206,6 +208,11 @@ def test_wrong_inputs_are_refused_with_the_true_reason_or_understood(processes, 
     else:
         assert not answer.success and reason in answer.message, answer.message
         assert reason in node.text(), node.text()
+        if mistake == "on_its_side":
+            # Not what comes in is wrong. It is told so too where it would only be told to arm first.
+            assert reason in trigger(client, namespace, "stand").message
+            client.node.destroy_timer(timer)
+            return end([node], client)
         wait_until(lambda: any(reason in message for message in reported), 5, lambda: f"{reason} in the diagnostics: {reported[-5:]}")
     client.node.destroy_timer(timer)
     end([node], client)

@@ -8,7 +8,7 @@ use crate::progress::Progress;
 use crate::watch::{Found, Seen, watch_inertial};
 use crate::{
     Config, ConfigError, DampingReason, DriveMode, Event, Fault, FaultReport, Guards, Input, JOINTS, JointCommand,
-    MAX_REQUESTS, Mode, Output, PreparedGait, Refusal, Request,
+    MAX_REQUESTS, Mode, Output, PreparedGait, Refusal, Request, Tilted,
 };
 use std::time::Duration;
 
@@ -118,7 +118,9 @@ impl Controller {
             self.memory.stale_inputs += 1;
         }
         let mut found = Found::default();
-        watch_inertial(&self.config, self.mode(), input.inertial.as_ref(), &mut found);
+        let inertial = input.inertial.as_ref();
+        self.memory.watch.tilted = Tilted::beyond(self.config.tilt_limit_rad, inertial);
+        watch_inertial(&self.config, self.mode(), inertial, &mut found);
         self.memory.estimate_base(&self.config, input, now, dt_s);
         self.memory.watch_estimate(&self.config, &mut found);
         self.latch_found(&found, now);
@@ -176,6 +178,7 @@ impl Controller {
             fresh: watch.is_fresh(&self.config, now),
             posture_safe: watch.joints.is_some() && watch.posture_problem(&self.config).is_none(),
             gait_loaded: motion.loaded().is_some(),
+            tilted: watch.tilted,
             any_fault: !day.faults.is_empty(),
             emergency_stop: day.emergency_stop,
             start_on_gait_allowed: self.config.simulation_start,

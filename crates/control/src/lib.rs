@@ -45,6 +45,7 @@ mod prepared_gait;
 mod progress;
 mod ramp;
 pub mod setting;
+mod tilted;
 mod transition;
 mod watch;
 
@@ -67,6 +68,7 @@ pub use law::balanced;
 pub use law::balanced::{Velocity, VelocityCommand};
 pub use memory::{Snapshot, SnapshotVersion1};
 pub use prepared_gait::{GaitName, Instant, PreparedGait};
+pub use tilted::Tilted;
 pub use transition::{Event, Guards, Mode, Refusal, transition};
 
 /// The three joints of a leg.

@@ -123,6 +123,7 @@ impl From<SnapshotVersion1> for Snapshot {
                 tracking_error_s: old.tracking_error_s,
                 overspeed_s: old.overspeed_s,
                 still: old.still,
+                tilted: None,
             },
             motion: Motion {
                 course,

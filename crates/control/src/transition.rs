@@ -1,5 +1,6 @@
 //! The robot's day as one pure function: mode × event → mode, or a refusal that says why.
 
+use crate::Tilted;
 use joints::LEG_LABELS;
 
 /// What the controller is doing.
@@ -136,6 +137,8 @@ pub struct Guards {
     pub posture_safe: bool,
     /// A gait is loaded.
     pub gait_loaded: bool,
+    /// The base is tilted further than allowed.
+    pub tilted: Option<Tilted>,
     /// Any fault is latched.
     pub any_fault: bool,
     /// The emergency stop is pressed.
@@ -155,6 +158,7 @@ impl Guards {
         fresh: true,
         posture_safe: true,
         gait_loaded: true,
+        tilted: None,
         any_fault: false,
         emergency_stop: false,
         start_on_gait_allowed: true,
@@ -215,6 +219,9 @@ pub enum Refusal {
     /// A fault is latched.
     #[error("refused: a fault is latched. Read it in controller_state, cure it, and clear it by its name")]
     FaultLatched,
+    /// The base lies on its side or its back.
+    #[error("refused: the robot is {0}, and it does not right itself. Turn it onto its belly by hand, then ask again")]
+    Tilted(Tilted),
     /// The emergency stop is pressed.
     #[error("refused: the emergency stop is pressed. Release it first")]
     EmergencyStop,
@@ -241,15 +248,16 @@ pub fn transition(mode: Mode, event: Event, guards: &Guards) -> Result<Mode, Ref
     let refuse = |advice| Err(Refusal::Mode { mode, event, advice });
     match (mode, event) {
         (M::Disarmed, E::Arm) => ready(guards).map(|()| M::Damping),
-        (M::Fault, E::Arm) => refuse("it is armed; clear the fault by its name"),
+        (M::Fault, E::Arm) => upright(guards).and_then(|()| refuse("it is armed; clear the fault by its name")),
         (_, E::Arm) => Ok(mode),
 
         (M::Disarmed | M::Damping | M::Fault, E::Disarm) => Ok(M::Disarmed),
         (M::SittingDown, E::Disarm) => refuse("it disarms by itself once it sits"),
         (_, E::Disarm) => refuse("the robot would drop. Stop, then sit; in an emergency use the emergency stop"),
 
-        (M::Disarmed, E::Stand) => refuse("arm it first"),
-        (M::Fault, E::Stand) => refuse("clear the fault by its name first"),
+        // What keeps it from standing up whatever is done before.
+        (M::Disarmed, E::Stand) => upright(guards).and_then(|()| refuse("arm it first")),
+        (M::Fault, E::Stand) => upright(guards).and_then(|()| refuse("clear the fault by its name first")),
         (M::Damping, E::Stand) => ready(guards).map(|()| M::StandingUp),
         (M::SittingDown, E::Stand) => Ok(M::StandingUp),
         (M::StandingUp | M::Standing | M::Stopping, E::Stand) => Ok(mode),
@@ -315,11 +323,19 @@ fn noticed(mode: Mode, event: Event) -> Mode {
     }
 }
 
-/// Before any torque, in this order: the button in the operator's hand, what is known to be broken, what is unknown.
+/// No motion here rights a robot that lies on its side or its back.
+fn upright(guards: &Guards) -> Result<(), Refusal> {
+    guards.tilted.map_or(Ok(()), |tilted| Err(Refusal::Tilted(tilted)))
+}
+
+/// Before any torque, in this order: the button in the operator's hand, how the robot lies, what is known to be broken,
+/// what is unknown.
 fn ready(guards: &Guards) -> Result<(), Refusal> {
     if guards.emergency_stop {
-        Err(Refusal::EmergencyStop)
-    } else if guards.any_fault {
+        return Err(Refusal::EmergencyStop);
+    }
+    upright(guards)?;
+    if guards.any_fault {
         Err(Refusal::FaultLatched)
     } else if !guards.fresh {
         Err(Refusal::NotFresh)

@@ -1,7 +1,9 @@
 //! Watching: what is measured is checked before it is believed, and held against what was commanded.
 
 use crate::motion::Expected;
-use crate::{Config, Fault, FaultReport, InertialState, JOINTS, JointState, Mode, Refusal, STILL_RAD, Severity};
+use crate::{
+    Config, Fault, FaultReport, InertialState, JOINTS, JointState, Mode, Refusal, STILL_RAD, Severity, Tilted,
+};
 use std::time::Duration;
 
 /// An encoder jumps if it moves more than this beyond what the velocity limit allows, rad.
@@ -22,6 +24,9 @@ pub(crate) struct Watch {
     pub overspeed_s: [f64; JOINTS],
     /// What has been asked of each joint since it moved last.
     pub still: [Option<Still>; JOINTS],
+    /// How the base is tilted by the present input, where that is too far.
+    #[serde(default)]
+    pub tilted: Option<Tilted>,
 }
 
 /// A joint that has not moved: where it is, between what it was commanded meanwhile, and when it was last received.
@@ -67,6 +72,7 @@ impl Watch {
         tracking_error_s: [0.0; JOINTS],
         overspeed_s: [0.0; JOINTS],
         still: [None; JOINTS],
+        tilted: None,
     };
 
     /// Nothing is held any more: what was counted against the joints is forgotten.

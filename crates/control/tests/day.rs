@@ -7,6 +7,31 @@ use control::*;
 use gait::StepSide;
 use std::time::Duration;
 
+/// No motion here rights a robot: it is told so, and that a person turns it, whatever else would have to be done first.
+#[test]
+fn a_robot_on_its_side_is_asked_in_vain_until_it_was_turned_by_hand() {
+    let mut b = Bench::walking(config());
+    b.roll_rad = Some(-1.5);
+    assert_eq!(b.run(1).mode, Mode::Fault);
+    let on_its_side = Err(Refusal::Tilted(Tilted { roll_deg: -86, pitch_deg: 0 }));
+    assert_eq!(b.ask(Request::Stand), on_its_side);
+    assert_eq!(b.ask(Request::Arm), on_its_side);
+    // Cleared too early: the fault is back in the next cycle, and the answer is the same.
+    assert_eq!(b.ask(Request::ClearFault(Fault::Tilt)), Ok(Mode::Damping));
+    assert_eq!((b.ask(Request::Stand), b.controller.mode()), (on_its_side, Mode::Fault));
+    // Nor is it armed so; lying on its side with the drives off is no fault.
+    assert_eq!(b.ask(Request::ClearFault(Fault::Tilt)), Ok(Mode::Damping));
+    assert_eq!(b.ask(Request::Disarm), Ok(Mode::Disarmed));
+    let _ = b.ask(Request::ClearFault(Fault::Tilt));
+    assert!(b.run(100).faults.is_empty());
+    assert_eq!(b.ask(Request::Arm), on_its_side);
+    assert_eq!(b.ask(Request::Stand), on_its_side);
+    b.roll_rad = Some(0.1);
+    assert_eq!(b.ask(Request::Arm), Ok(Mode::Damping));
+    assert_eq!(b.ask(Request::Stand), Ok(Mode::StandingUp));
+    b.until(Mode::Standing, 6.0);
+}
+
 #[test]
 fn from_sitting_to_walking_and_back_to_disarmed() {
     let mut b = Bench::new(config());

@@ -1,10 +1,12 @@
 //! Every mode × every event × every combination of guards, against an independent statement of what must hold, and the
 //! table itself against a written-down copy.
 
-use control::{Event, Guards, Mode, transition};
+use control::{Event, Guards, Mode, Refusal, Tilted, transition};
+
+const ON_ITS_SIDE: Tilted = Tilted { roll_deg: -90, pitch_deg: 0 };
 
 fn all_guards() -> impl Iterator<Item = Guards> {
-    (0..256).map(|n: u32| Guards {
+    (0..512).map(|n: u32| Guards {
         fresh: n & 1 != 0,
         posture_safe: n & 2 != 0,
         gait_loaded: n & 4 != 0,
@@ -13,6 +15,7 @@ fn all_guards() -> impl Iterator<Item = Guards> {
         start_on_gait_allowed: n & 32 != 0,
         estimate_usable: n & 64 != 0,
         velocity_heeded: n & 128 != 0,
+        tilted: (n & 256 != 0).then_some(ON_ITS_SIDE),
     })
 }
 
@@ -90,6 +93,7 @@ fn no_guards_open_a_way_that_must_stay_shut() {
                     assert!(guards.fresh && !guards.any_fault && !guards.emergency_stop, "{context}");
                     assert!(matches!(event, Event::Stand | Event::StartOnGait), "{context}");
                     assert!(guards.posture_safe || event == Event::StartOnGait, "{context}");
+                    assert!(guards.tilted.is_none() || event == Event::StartOnGait, "{context}");
                 }
                 if event == Event::VelocityAsked && to != mode {
                     assert!(matches!(mode, Mode::Standing | Mode::Stopping), "{context}");
@@ -119,5 +123,26 @@ fn no_guards_open_a_way_that_must_stay_shut() {
             }
         }
     }
-    assert_eq!(cells, 256 * Mode::ALL.len() * Event::ALL.len());
+    assert_eq!(cells, 512 * Mode::ALL.len() * Event::ALL.len());
+}
+
+/// Whatever else is to be done first: it would only be asked for in vain.
+#[test]
+fn a_robot_on_its_side_is_told_so_by_arm_and_stand() {
+    let guards = Guards { tilted: Some(ON_ITS_SIDE), any_fault: true, ..Guards::READY };
+    for (mode, event) in [
+        (Mode::Disarmed, Event::Arm),
+        (Mode::Fault, Event::Arm),
+        (Mode::Disarmed, Event::Stand),
+        (Mode::Damping, Event::Stand),
+        (Mode::Fault, Event::Stand),
+    ] {
+        assert_eq!(transition(mode, event, &guards), Err(Refusal::Tilted(ON_ITS_SIDE)), "{mode:?} × {event:?}");
+    }
+    let said = Refusal::Tilted(ON_ITS_SIDE).to_string();
+    assert!(said.contains("onto its left side (roll -90°") && said.contains("does not right itself"), "{said}");
+    // The button comes first, and nothing else waits for the robot to be turned.
+    let pressed = Guards { emergency_stop: true, ..guards };
+    assert_eq!(transition(Mode::Disarmed, Event::Arm, &pressed), Err(Refusal::EmergencyStop));
+    assert_eq!(transition(Mode::Fault, Event::Disarm, &guards), Ok(Mode::Disarmed));
 }

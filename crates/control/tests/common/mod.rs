@@ -134,6 +134,8 @@ pub struct Bench {
     /// False: no new state is measured.
     pub measures: bool,
     pub emergency_stop: bool,
+    /// The base's roll, where an inertial unit reports it, rad.
+    pub roll_rad: Option<f64>,
     pub last: Option<Output>,
 }
 
@@ -148,6 +150,7 @@ impl Bench {
             obeys: true,
             measures: true,
             emergency_stop: false,
+            roll_rad: None,
             last: None,
         }
     }
@@ -167,12 +170,14 @@ impl Bench {
     pub fn cycle(&mut self, requests: &[Request], gait: Option<&PreparedGait>) -> Output {
         self.now += PERIOD;
         let state = self.state();
+        let tilted = |roll_rad| InertialState::tilted(Tilt { roll_rad, pitch_rad: 0.0 }, self.now);
         let output = self.controller.step(
             &Input {
                 joints: self.measures.then_some(&state),
                 requests,
                 gait,
                 emergency_stop: self.emergency_stop,
+                inertial: self.roll_rad.map(tilted),
                 ..Input::default()
             },
             self.now,
