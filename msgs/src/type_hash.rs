@@ -7,6 +7,9 @@ use crate::sha256::sha256;
 use crate::unique_identifier_msgs::UUID;
 use crate::{Action, FieldType, Message, Service};
 
+/// The line between the definitions of a type and of those in it.
+const SEPARATOR: &str = "================================================================================";
+
 /// A structure's fields: names and types as a definition file writes them.
 type Fields = Vec<(String, String)>;
 
@@ -54,6 +57,21 @@ impl TypeHash {
         all.extend(Self::of_service::<CancelGoal>());
         all.push(Self::of_message::<GoalStatusArray>());
         all
+    }
+
+    /// That of a definition's text, in the form that rosbag2 stores ([`crate::definition`]); comments, constants and
+    /// default values are no part of a type.
+    #[must_use]
+    pub fn of_definition(name: &str, text: &str) -> Self {
+        let mut parts = text.split(SEPARATOR);
+        let fields = fields_of(name, parts.next().unwrap_or_default());
+        let nested = parts.filter_map(|part| {
+            let (name, text) = part.trim_start().strip_prefix("MSG:")?.split_once('\n')?;
+            let name = full_name(name.trim());
+            let fields = fields_of(&name, text);
+            Some((name, fields))
+        });
+        Description { name: name.to_owned(), fields, nested: nested.collect() }.hash()
     }
 
     /// What DDS calls the type: `std_msgs::msg::dds_::Header_`.
@@ -117,14 +135,34 @@ fn full_name(name: &str) -> String {
     }
 }
 
-/// The fields of a definition's text; of a structure without any the byte that ROS 2 puts there.
+/// The fields of a definition's text.
 fn fields(text: &str) -> Fields {
     let lines = text.lines().filter_map(|line| line.split_once(' '));
-    let fields: Fields = lines.map(|(type_name, name)| (name.to_owned(), type_name.to_owned())).collect();
+    or_a_byte(lines.map(|(type_name, name)| (name.to_owned(), type_name.to_owned())).collect())
+}
+
+/// The fields of a structure; where it has none, the byte that ROS 2 puts there.
+fn or_a_byte(fields: Fields) -> Fields {
     match fields.is_empty() {
         true => vec![("structure_needs_at_least_one_member".into(), "uint8".into())],
         false => fields,
     }
+}
+
+/// The fields of a definition's text as people write it; a type without a package is of its owner's.
+fn fields_of(owner: &str, text: &str) -> Fields {
+    let package = owner.split('/').next().unwrap_or_default();
+    let field = |line: &str| {
+        let (type_name, rest) = line.trim_start().split_once(char::is_whitespace)?;
+        let rest = rest.trim_start();
+        let name = &rest[..rest.find(|c: char| !c.is_ascii_alphanumeric() && c != '_').unwrap_or(rest.len())];
+        let is_constant = rest[name.len()..].trim_start().starts_with('=');
+        let element = type_name.split('[').next().unwrap_or_default();
+        let own = primitive(element).is_none() && !element.contains('/');
+        let type_name = if own { format!("{package}/{type_name}") } else { type_name.to_owned() };
+        (!element.starts_with('#') && !name.is_empty() && !is_constant).then(|| (name.to_owned(), type_name))
+    };
+    or_a_byte(text.lines().filter_map(field).collect())
 }
 
 fn described(name: &str, fields: &Fields) -> String {
@@ -148,7 +186,20 @@ fn described_type(type_name: &str) -> String {
         Some(size) => size.strip_prefix("<=").map_or((ARRAY, size), |bound| (BOUNDED, bound)),
     };
     let element = element.unwrap_or(type_name);
-    let number = match element {
+    let (number, string_capacity) = primitive(element).unwrap_or((1, "0"));
+    let nested = if number == 1 { full_name(element) } else { String::new() };
+    let number = number + container;
+    format!(
+        r#"{{"type_id": {number}, "capacity": {capacity}, "string_capacity": {string_capacity}, "nested_type_name": "{nested}"}}"#
+    )
+}
+
+/// The number of a type that is no structure, and the bound of a string; 0: none.
+fn primitive(element: &str) -> Option<(u8, &str)> {
+    /// Added to a string's number: a bounded one.
+    const BOUNDED_STRING: u8 = 4;
+    let (name, bound) = element.split_once("<=").map_or((element, None), |(name, bound)| (name, Some(bound)));
+    let number = match name {
         "int8" => 2,
         "uint8" | "char" => 3,
         "int16" => 4,
@@ -162,9 +213,8 @@ fn described_type(type_name: &str) -> String {
         "bool" => 15,
         "byte" => 16,
         "string" => 17,
-        _ => 1,
+        "wstring" => 18,
+        _ => return None,
     };
-    let nested = if number == 1 { full_name(element) } else { String::new() };
-    let number = number + container;
-    format!(r#"{{"type_id": {number}, "capacity": {capacity}, "string_capacity": 0, "nested_type_name": "{nested}"}}"#)
+    Some(bound.map_or((number, "0"), |bound| (number + BOUNDED_STRING, bound)))
 }

@@ -76,3 +76,28 @@ fn all_that_an_action_sends_has_a_hash() {
     assert_eq!(all[6].hash, "RIHS01_35e682cf3f510e83c70a82a4aac888496dedee56773bf9d8e5e0aa81f9e1c960");
     assert_eq!(all[7].hash, "RIHS01_6c1684b00f177d37438febe6e709fc4e2b0d4248dca4854946f9ed8b30cda83e");
 }
+
+#[test]
+fn a_definition_s_text_has_the_hash_of_its_type_whatever_else_stands_in_it() {
+    fn check<M: tandem_msgs::Message>() {
+        let computed = TypeHash::of_definition(&M::full_name(), &tandem_msgs::definition::<M>());
+        assert_eq!(computed, TypeHash::of_message::<M>());
+    }
+    check::<std_msgs::Header>();
+    check::<diagnostic_msgs::DiagnosticArray>();
+    check::<tandem_msgs::Gait>();
+    check::<tandem_msgs::ControllerState>();
+    check::<tandem_msgs::ControlCycle>();
+    // As its authors wrote it: constants, comments, a type of its own package without the package.
+    let text = "byte OK=0\nbyte WARN = 1 # not well\n# of one part\n\n  byte level\nstring name 'a = b' # what\nstring message\n\
+                string hardware_id\nKeyValue[] values\n\
+                ================================================================================\n\
+                MSG: diagnostic_msgs/KeyValue\nstring key# short\nstring value\n";
+    let status = TypeHash::of_definition("diagnostic_msgs/msg/DiagnosticStatus", text);
+    assert_eq!(status, TypeHash::of_message::<diagnostic_msgs::DiagnosticStatus>());
+    // No fields; bounded strings count (both by rosbags 0.11.9).
+    let empty = TypeHash::of_definition("std_msgs/msg/Empty", "");
+    assert_eq!(empty.hash, "RIHS01_20b625256f32d5dbc0d04fee44f43c41e51c70d3502f84b4a08e7a9c26a96312");
+    let bounded = TypeHash::of_definition("p/msg/T", "string<=8 a\nstring[<=3] b\nstring<=4[2] c\nint32[<=4] d\n");
+    assert_eq!(bounded.hash, "RIHS01_1d14a360d4566080754169138a909b2676becf815eb9e4a34fa1cbea98ed0ba9");
+}

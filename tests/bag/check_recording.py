@@ -57,6 +57,7 @@ def with_rosbags(folder, cycles):
         for connection in reader.connections:
             types = embedded_types(connection.msgdef.data, connection.msgtype)
             store.register({name: value for name, value in types.items() if name not in store.types})
+            check(connection.digest == store.hash_rihs01(connection.msgtype), f"type hash of {connection.topic} in metadata.yaml: {connection.digest!r}")
             if connection.msgtype in standard.types:
                 ours, theirs = store.hash_rihs01(connection.msgtype), standard.hash_rihs01(connection.msgtype)
                 check(ours == theirs, f"definition of {connection.msgtype} is not ROS 2's")
@@ -77,10 +78,11 @@ def with_rosbags(folder, cycles):
         check(reader.message_count == 3 * cycles + 1, f"metadata.yaml counts {reader.message_count}")
         check(reader.start_time == FIRST_NS, "start time")
         check(reader.end_time == FIRST_NS + (cycles - 1) * CYCLE_NS + 1, "end time")
-    return sum(counts.values())
+        hashes = {connection.topic: connection.digest for connection in reader.connections}
+    return sum(counts.values()), hashes
 
 
-def with_mcap(folder, cycles):
+def with_mcap(folder, cycles, hashes):
     counts = {}
     files = sorted(folder.glob("*.mcap"), key=lambda path: int(path.stem.rsplit("_", 1)[1]))
     for file in files:
@@ -94,6 +96,8 @@ def with_mcap(folder, cycles):
                 cycle = (record.log_time - FIRST_NS) // CYCLE_NS
                 check_values(channel.topic, message, record.log_time, cycle)
                 counts[channel.topic] = counts.get(channel.topic, 0) + 1
+            for channel in reader.get_summary().channels.values():
+                check(channel.metadata["topic_type_hash"] == hashes[channel.topic], f"type hash of {channel.topic} in the file")
             statistics = reader.get_summary().statistics
             check(statistics.message_count == sum(statistics.channel_message_counts.values()), "statistics")
     check_counts(counts, cycles, "mcap")
@@ -103,8 +107,8 @@ def with_mcap(folder, cycles):
 def main():
     folder = pathlib.Path(sys.argv[1])
     cycles = int(sys.argv[2]) if len(sys.argv) > 2 else 2000
-    messages = with_rosbags(folder, cycles)
-    files = with_mcap(folder, cycles)
+    messages, hashes = with_rosbags(folder, cycles)
+    files = with_mcap(folder, cycles, hashes)
     print(f"{folder}: {messages} messages in {files} file(s), the same by rosbags and by mcap")
 
 

@@ -4,6 +4,8 @@ use std::collections::BTreeMap;
 
 /// The key under which rosbag2 keeps what publishers offered.
 pub const OFFERED: &str = "offered_qos_profiles";
+/// The key under which rosbag2 keeps the hash of a type's description.
+pub const TYPE_HASH: &str = "topic_type_hash";
 
 /// A topic of a file, with everything that the file says about it.
 #[derive(Clone, Debug, PartialEq, Eq)]

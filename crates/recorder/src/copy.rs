@@ -5,14 +5,11 @@ use std::collections::BTreeMap;
 use std::fs;
 use std::path::{Path, PathBuf};
 
-use crate::channel::{Channel, OFFERED};
+use crate::channel::{Channel, OFFERED, TYPE_HASH};
 use crate::message::Message;
 use crate::metadata::{self, FilePart, TopicCount};
 use crate::writer::{OpenFile, mcap_error};
 use crate::{BagError, RecorderOptions};
-
-/// The key under which rosbag2 keeps the hash of a type's description.
-const TYPE_HASH: &str = "topic_type_hash";
 
 /// A bag that is written from the records of others.
 pub struct BagCopy {

@@ -43,7 +43,7 @@ mod recorder;
 mod shared;
 mod writer;
 
-pub use channel::{Channel, OFFERED, Schema};
+pub use channel::{Channel, OFFERED, Schema, TYPE_HASH};
 pub use copy::BagCopy;
 pub use definition::{Count, Definition, Element, Field, Primitive, full_definition, known_types};
 pub use error::BagError;

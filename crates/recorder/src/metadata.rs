@@ -7,7 +7,8 @@ use std::path::Path;
 use serde::Serialize;
 
 use crate::BagError;
-use crate::qos::{Qos, QosYaml};
+use crate::qos::QosYaml;
+use crate::shared::TopicShared;
 
 /// The name of the file in a bag's folder.
 pub const FILE_NAME: &str = "metadata.yaml";
@@ -28,13 +29,13 @@ pub(crate) struct TopicCount {
 
 impl TopicCount {
     /// Of a topic recorded here.
-    pub(crate) fn cdr(name: &str, type_name: &str, qos: Qos, messages: u64) -> TopicCount {
+    pub(crate) fn recorded(topic: &TopicShared, messages: u64) -> TopicCount {
         TopicCount {
-            name: name.to_owned(),
-            type_name: type_name.to_owned(),
+            name: topic.name.clone(),
+            type_name: topic.type_name.clone(),
             encoding: "cdr".to_owned(),
-            offered: serde_yaml_ng::to_value([QosYaml::from(qos)]).expect("a plain structure is always YAML"),
-            type_hash: String::new(),
+            offered: serde_yaml_ng::to_value([QosYaml::from(topic.qos)]).expect("a plain structure is always YAML"),
+            type_hash: topic.type_hash.clone(),
             messages,
         }
     }

@@ -3,6 +3,8 @@
 use std::sync::atomic::{AtomicBool, AtomicU64, AtomicUsize};
 use std::sync::{Arc, Mutex, OnceLock};
 
+use tandem_msgs::TypeHash;
+
 use crate::{BagError, Qos};
 
 /// What producers and the writer thread share about one topic.
@@ -13,6 +15,8 @@ pub(crate) struct TopicShared {
     pub(crate) name: String,
     pub(crate) type_name: String,
     pub(crate) definition: String,
+    /// Of the type's description (REP 2016).
+    pub(crate) type_hash: String,
     pub(crate) qos: Qos,
     /// Messages handed to `push`, taken or not.
     pub(crate) offered: AtomicU64,
@@ -65,6 +69,7 @@ impl Shared {
             name: name.to_owned(),
             type_name: type_name.to_owned(),
             definition: definition.to_owned(),
+            type_hash: TypeHash::of_definition(type_name, definition).hash,
             qos,
             offered: AtomicU64::new(0),
             written: AtomicU64::new(0),

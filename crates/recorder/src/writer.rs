@@ -10,6 +10,7 @@ use std::sync::atomic::Ordering;
 use std::sync::mpsc::{Receiver, RecvTimeoutError};
 use std::time::Instant;
 
+use crate::channel::{OFFERED, TYPE_HASH};
 use crate::metadata::{self, FilePart, TopicCount};
 use crate::shared::{Order, Shared, TopicShared};
 use crate::{BagError, RecorderOptions};
@@ -151,7 +152,7 @@ impl Writer {
             .map(|(index, topic)| {
                 let pending = self.topics.get(index).map_or(0, |(_, pending)| *pending);
                 let messages = topic.written.load(Ordering::Acquire) + pending;
-                TopicCount::cdr(&topic.name, &topic.type_name, topic.qos, messages)
+                TopicCount::recorded(topic, messages)
             })
             .collect()
     }
@@ -204,8 +205,8 @@ impl OpenFile {
         let wrap = |error| mcap_error(&self.path, error);
         let schema = self.mcap.add_schema(&topic.type_name, "ros2msg", topic.definition.as_bytes()).map_err(wrap)?;
         let about = BTreeMap::from([
-            ("offered_qos_profiles".to_owned(), topic.qos.to_yaml()),
-            ("topic_type_hash".to_owned(), String::new()),
+            (OFFERED.to_owned(), topic.qos.to_yaml()),
+            (TYPE_HASH.to_owned(), topic.type_hash.clone()),
         ]);
         let channel = self.mcap.add_channel(schema, &topic.name, "cdr", &about).map_err(wrap)?;
         self.channels.insert(topic.index, channel);
