@@ -12,13 +12,23 @@ NAMESPACE = "/leased"
 PROGRAM = f"""
 import sys
 import rclpy
+from geometry_msgs.msg import Pose, Twist
 from std_srvs.srv import Trigger
 from tandem_msgs.srv import Claim
 
 rclpy.init()
 node = rclpy.create_node("laptop")
+publishers = {{}}
 for line in sys.stdin:
     service, *values = line.split()
+    if service == "publish":
+        # Neither can be meant: where it is heeded, diagnostics say what is wrong with it.
+        bad = Pose() if values[0] == "body_pose" else Twist()
+        (bad.position if values[0] == "body_pose" else bad.linear).x = float("nan")
+        publisher = publishers.setdefault(values[0], node.create_publisher(type(bad), "{NAMESPACE}/" + values[0], 10))
+        publisher.publish(bad)
+        print("yes", flush=True)
+        continue
     claims = service == "claim"
     client = node.create_client(Claim if claims else Trigger, "{NAMESPACE}/" + service)
     assert client.wait_for_service(20)
@@ -48,7 +58,7 @@ class Laptop:
 
 @pytest.fixture(scope="module")
 def controller(processes):
-    controller = processes("tandem_controller", "--ros-args", "-r", f"__ns:={NAMESPACE}")
+    controller = processes("tandem_controller", "--ros-args", "-r", f"__ns:={NAMESPACE}", "-p", "balance:=true")
     yield controller
     assert controller.stop() == 0, controller.text()
 
@@ -124,6 +134,40 @@ def test_a_claim_ends_with_its_time_with_its_program_and_with_deactivation(ask, 
     assert laptop.ask("claim laptop 0 -")[0] and refused_by(ask, "laptop")
     laptop.leave()
     wait_until(lambda: not refused_by(ask, "laptop"), 10, "the claim's end")
+
+
+@pytest.mark.parametrize("topic", ["cmd_vel", "body_pose"])
+def test_while_it_is_claimed_its_holder_alone_moves_it_by_a_topic(ask, laptop, client, topic):
+    """Heeded or not is told apart by what diagnostics say of a message that is wrong in itself."""
+    from diagnostic_msgs.msg import DiagnosticArray
+
+    said = []
+
+    def listen(array):
+        said.extend(status.message for status in array.status if status.name == f"{NAMESPACE}/controller: inputs")
+
+    subscription = client.node.create_subscription(DiagnosticArray, "/diagnostics", listen, 10)
+    looked_at, refused = f"{topic}: refused: ", f'lease: {topic} of another program refused: claimed by "'
+
+    def published(expected, never):
+        def seen():
+            laptop.ask(f"publish {topic}")
+            return any(expected in message for message in said)
+
+        # Diagnostics of a second ago speak of what was before.
+        time.sleep(2.5)
+        said.clear()
+        wait_until(seen, 20, lambda: (expected, said))
+        assert not any(never in message for message in said), said
+
+    published(looked_at, refused)
+    assert laptop.ask("claim laptop 0 -")[0]
+    published(looked_at, refused)
+    assert ask("claim", name="tablet", take=True)[0]
+    published(refused + "tablet", looked_at)
+    assert ask("release")[0]
+    published(looked_at, refused)
+    client.node.destroy_subscription(subscription)
 
 
 def test_a_claim_that_cannot_be_meant_is_refused(ask):

@@ -47,6 +47,15 @@ impl Table {
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
 pub struct PublisherId(pub [u8; 16]);
 
+impl PublisherId {
+    /// The program that it belongs to.
+    #[must_use]
+    pub fn program(self) -> ProgramId {
+        let [program @ .., _, _, _, _] = self.0;
+        ProgramId(program)
+    }
+}
+
 impl From<Gid> for PublisherId {
     fn from(gid: Gid) -> Self {
         PublisherId(gid.to_bytes16())
@@ -60,8 +69,7 @@ pub struct ProgramId(pub [u8; Departure::PARTICIPANT]);
 impl ProgramId {
     /// Whose request it is, by its writer or by the reader that waits for the answer.
     pub(crate) fn of(endpoint: Gid) -> Self {
-        let [program @ .., _, _, _, _] = endpoint.to_bytes16();
-        ProgramId(program)
+        PublisherId::from(endpoint).program()
     }
 }
 

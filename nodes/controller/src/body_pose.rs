@@ -1,11 +1,11 @@
 //! `body_pose`: where the body of a robot that stands is to be, against the posture that it holds.
 
 use crate::inputs::{InputProblems, Topic};
+use crate::lease::Gate;
 use control::{BodyPose, BodyPoseAnswer, Output, is_unit_length};
 use realtime::monotonic_now;
 use ros::{Node, Qos, RosError};
 use rtrb::{Consumer, Producer, RingBuffer};
-use std::sync::Arc;
 use std::time::Duration;
 use tandem_msgs::geometry_msgs::Pose;
 
@@ -34,12 +34,15 @@ impl BodyPoses {
     ///
     /// # Errors
     /// What the middleware refuses.
-    pub fn listen(node: &Node, problems: Arc<InputProblems>) -> Result<Self, RosError> {
+    pub fn listen(node: &Node, gate: Gate) -> Result<Self, RosError> {
         let (mut poses, consumer) = RingBuffer::new(DEPTH);
         // Whoever publishes best effort or reliably is received.
-        node.subscribe("body_pose", Qos::best_effort(10), move |message: Pose| {
-            take(&message, &mut poses, &problems, monotonic_now());
-        })?;
+        let take = move |publisher, message: Pose| {
+            if gate.heeds(Topic::BodyPose, publisher) {
+                take(&message, &mut poses, &gate.problems, monotonic_now());
+            }
+        };
+        node.subscribe_from("body_pose", Qos::best_effort(10), take, |_| {})?;
         Ok(Self(consumer))
     }
 

@@ -1,7 +1,8 @@
 //! Balance and driving: what the node's parameters say of them, and `cmd_vel`.
 
 use crate::cycle::TimedVelocity;
-use crate::inputs::{InputProblems, Topic};
+use crate::inputs::Topic;
+use crate::lease::Gate;
 use crate::parameters::Table;
 use control::balanced::BalanceConfig;
 use control::{Config, Velocity};
@@ -9,7 +10,6 @@ use realtime::monotonic_now;
 use robot::{Robot, RobotError};
 use ros::{Node, Qos, RosError};
 use rtrb::{Consumer, RingBuffer};
-use std::sync::Arc;
 use tandem_msgs::geometry_msgs::{Twist, TwistStamped};
 
 /// Velocities that may wait for the cycle, which takes the newest.
@@ -63,16 +63,19 @@ impl DriveParameters {
     ///
     /// # Errors
     /// What the middleware refuses.
-    pub fn listen(&self, node: &Node, problems: Arc<InputProblems>) -> Result<Consumer<TimedVelocity>, RosError> {
+    pub fn listen(&self, node: &Node, gate: Gate) -> Result<Consumer<TimedVelocity>, RosError> {
         let (mut velocities, consumer) = RingBuffer::new(DEPTH);
         if !self.balance {
             return Ok(consumer);
         }
-        let mut take = move |twist: &Twist| {
+        let mut take = move |publisher, twist: &Twist| {
+            if !gate.heeds(Topic::CmdVel, publisher) {
+                return;
+            }
             let velocity =
                 Velocity { forward_m_s: twist.linear.x, left_m_s: twist.linear.y, yaw_rad_s: twist.angular.z };
             if velocity.is_finite() {
-                problems.is_fine(Topic::CmdVel);
+                gate.problems.is_fine(Topic::CmdVel);
                 // A full buffer: no cycle runs, and what waits will be too old for the next one.
                 let _ = velocities.push(TimedVelocity { velocity, wall: monotonic_now() });
             } else {
@@ -80,15 +83,16 @@ impl DriveParameters {
                     "refused: linear.x {}, linear.y {}, angular.z {}: expected finite numbers",
                     velocity.forward_m_s, velocity.left_m_s, velocity.yaw_rad_s
                 );
-                problems.note(Topic::CmdVel, text, monotonic_now());
+                gate.problems.note(Topic::CmdVel, text, monotonic_now());
             }
         };
         // Whoever publishes best effort or reliably is received.
         let qos = Qos::best_effort(10);
         if self.stamped {
-            node.subscribe("cmd_vel", qos, move |message: TwistStamped| take(&message.twist))?;
+            let stamped = move |publisher, message: TwistStamped| take(publisher, &message.twist);
+            node.subscribe_from("cmd_vel", qos, stamped, |_| {})?;
         } else {
-            node.subscribe("cmd_vel", qos, move |message: Twist| take(&message))?;
+            node.subscribe_from("cmd_vel", qos, move |publisher, message: Twist| take(publisher, &message), |_| {})?;
         }
         Ok(consumer)
     }

@@ -25,10 +25,12 @@ pub enum Topic {
     CmdVel,
     /// `body_pose`.
     BodyPose,
+    /// Not a topic: what the lease's holder alone may publish, of others.
+    Lease,
 }
 
 impl Topic {
-    const ALL: [Self; 4] = [Self::JointStates, Self::Imu, Self::CmdVel, Self::BodyPose];
+    const ALL: [Self; 5] = [Self::JointStates, Self::Imu, Self::CmdVel, Self::BodyPose, Self::Lease];
 
     /// Its name, relative to the node's namespace.
     pub fn name(self) -> &'static str {
@@ -37,6 +39,7 @@ impl Topic {
             Self::Imu => "imu",
             Self::CmdVel => "cmd_vel",
             Self::BodyPose => "body_pose",
+            Self::Lease => "lease",
         }
     }
 }
@@ -78,7 +81,7 @@ impl InputProblems {
     }
 
     /// The same of what keeps a robot from being armed, from standing up and from walking: a pose of the body that is
-    /// not heeded does not.
+    /// not heeded does not, nor what others publish who may not drive.
     pub fn hindering(&self, wall: Duration) -> String {
         self.of(&[Topic::JointStates, Topic::Imu, Topic::CmdVel], wall)
     }

@@ -1,8 +1,10 @@
 //! The lease: while one program has claimed the robot, what would move it is refused to the others, by the holder's
 //! name. It keeps friends out of each other's way; whoever means harm is kept out by DDS Security (docs/security.md).
 
-use ros::{Departure, ProgramId};
-use std::sync::{Mutex, MutexGuard, PoisonError};
+use crate::inputs::{InputProblems, Topic};
+use realtime::monotonic_now;
+use ros::{Departure, ProgramId, PublisherId};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::Duration;
 use tandem_msgs::text::printable;
 use tandem_msgs::{ClaimRequest, text};
@@ -110,6 +112,28 @@ impl Lease {
     }
 }
 
+/// What the topics that move the robot ask before they heed a message.
+#[derive(Clone)]
+pub struct Gate {
+    /// Who drives.
+    pub lease: Arc<Lease>,
+    /// Where it is kept that somebody else would.
+    pub problems: Arc<InputProblems>,
+}
+
+impl Gate {
+    /// Whether this publisher may drive: while the robot is claimed, its holder's alone. Another one's message is as
+    /// none; where a user looks it says whose and why.
+    pub fn heeds(&self, topic: Topic, publisher: PublisherId) -> bool {
+        let now = monotonic_now();
+        let refusal = self.lease.refusal(publisher.program(), now);
+        if let Some(refusal) = &refusal {
+            self.problems.note(Topic::Lease, format!("{} of another program {refusal}", topic.name()), now);
+        }
+        refusal.is_none()
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -172,6 +196,20 @@ mod tests {
         assert!(lease.refusal(ONE, at(4.0)).unwrap().contains("laptop"));
         lease.end();
         assert_eq!(lease.refusal(ONE, at(4.0)), None);
+    }
+
+    #[test]
+    fn while_it_is_claimed_the_holder_s_publishers_alone_are_heeded_and_nobody_is_hindered_by_the_others() {
+        let gate = Gate { lease: Arc::default(), problems: Arc::default() };
+        let [own, other] = [1, 2].map(|n| PublisherId([n; 16]));
+        assert!(gate.heeds(Topic::CmdVel, own) && gate.heeds(Topic::CmdVel, other));
+        gate.lease.claim(ONE, &request("tablet", 0.0, false), monotonic_now()).unwrap();
+        assert!(gate.heeds(Topic::CmdVel, own) && !gate.heeds(Topic::CmdVel, other));
+        let now = monotonic_now();
+        let told = "lease: cmd_vel of another program refused: claimed by \"tablet\" until it is released";
+        assert_eq!((gate.problems.current(now).as_str(), gate.problems.hindering(now).as_str()), (told, ""));
+        gate.lease.end();
+        assert!(gate.heeds(Topic::BodyPose, other));
     }
 
     #[test]

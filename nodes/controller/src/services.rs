@@ -5,7 +5,7 @@ use crate::cycle::{Asked, TimedInertial};
 use crate::dds_bus;
 use crate::emergency_stop::{EmergencyStop, PUBLISHERS};
 use crate::inputs::{InputProblems, Topic};
-use crate::lease::Lease;
+use crate::lease::{Gate, Lease};
 use crate::messages::StateMessage;
 use crate::ports;
 use crate::recording::{self, Recording};
@@ -44,7 +44,7 @@ pub struct Services {
     emergency_stop: Arc<EmergencyStop>,
     problems: Arc<InputProblems>,
     config: Config,
-    lease: Lease,
+    lease: Arc<Lease>,
     lockstep: bool,
     /// The controller's mode as last published.
     mode: Mutex<Option<Mode>>,
@@ -86,7 +86,7 @@ impl Services {
             emergency_stop,
             problems,
             config,
-            lease: Lease::default(),
+            lease: Arc::default(),
             lockstep,
             mode: Mutex::default(),
         }
@@ -149,6 +149,11 @@ impl Services {
     /// Who holds the lease; empty: nobody.
     pub fn holder(&self) -> String {
         self.lease.holder(monotonic_now())
+    }
+
+    /// What the topics that move the robot ask.
+    pub fn gate(&self) -> Gate {
+        Gate { lease: Arc::clone(&self.lease), problems: Arc::clone(&self.problems) }
     }
 
     /// Nobody holds the lease any more.

@@ -176,8 +176,8 @@ impl Work {
         let commands_out =
             (!on_bus).then(|| CommandPublisher::new(&node, joint_names.clone(), commands, lockstep)).transpose()?;
         let every = (parameters.state_every, parameters.joint_states_every);
-        let velocities = parameters.drive.listen(&node, Arc::clone(&problems))?;
-        let body_poses = BodyPoses::listen(&node, Arc::clone(&problems))?;
+        let velocities = parameters.drive.listen(&node, services.gate())?;
+        let body_poses = BodyPoses::listen(&node, services.gate())?;
         let odometry_every =
             (1.0 / (parameters.drive.odometry_rate_hz * config.control_period_s)).round().max(1.0) as u64;
         let odometer = Odometer::new(&node, &config, &parameters.drive.frame_prefix, odometry_every, on_bus)?;
