@@ -61,6 +61,8 @@ const wait = (ms) => new Promise((done) => setTimeout(done, ms));
   found.rows = document.querySelectorAll("#torques tbody tr").length;
   found.outside = performance.getEntriesByType("resource").map((entry) => entry.name);
   found.wider_than_window = document.documentElement.scrollWidth > window.innerWidth;
+  found.made = document.getElementById("subtitle").textContent;
+  found.origin = document.getElementById("runs").textContent;
   found.errors = errors;
   const place2 = document.createElement("pre"); place2.id = "found"; place2.textContent = JSON.stringify(found); document.body.appendChild(place2);
 })();
@@ -100,6 +102,8 @@ def check(page, chromium, size):
             problems.append(f"{name.replace('_', ' ')}: no")
     if not found["played_s"] > 0.1:  # 0.6 s of Chromium's virtual time, in steps of 16 ms
         problems.append(f"playing came to {found['played_s']} s")
+    if not re.search(r"Made \d{4}-\d\d-\d\d \d\d:\d\d UTC by tandem \d", found["made"]) or "simulated, lockstep" not in found["origin"]:
+        problems.append(f"made: {found['made']!r}; {found['origin']!r}")
     if any(not name.startswith("data:") for name in found["outside"]):
         problems.append(f"loads from outside: {found['outside']}")
     if found["wider_than_window"]:

@@ -27,6 +27,8 @@ pub struct BehaviourRun {
     pub gait: Option<Gait>,
     /// One sample for each joint state; parts that the bag does not hold are zero.
     pub samples: Vec<Sample>,
+    /// The bag's first stamp, s since the epoch; of a simulation that begins its time at zero: since its own beginning.
+    pub begun_s: f64,
     /// Whether base position, orientation and velocity are known.
     pub has_body: bool,
     /// Whether ground forces are known.
@@ -49,6 +51,17 @@ pub struct BehaviourRun {
     pub robot_description: Option<String>,
 }
 
+/// What became known at one moment, in the order in which the one leads to the other.
+#[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
+enum Kind {
+    /// What came in: requests, gaits, and cycles that did not.
+    Came,
+    Fault,
+    Mode,
+}
+
+type Event = (f64, Kind, String);
+
 #[derive(Default)]
 struct Found {
     joints: Vec<(f64, JointState)>,
@@ -56,7 +69,7 @@ struct Found {
     ground: [Vec<(f64, f64)>; LEGS],
     gait: Option<Gait>,
     modes: Vec<(f64, String)>,
-    events: Vec<(f64, String)>,
+    events: Vec<Event>,
     tracking_error: Vec<(f64, f64)>,
     cycle_times_s: Vec<f64>,
     continuity: Continuity,
@@ -87,7 +100,7 @@ pub fn read_run(path: impl AsRef<Path>) -> Result<BehaviourRun, ReplayError> {
     if found.joints.is_empty() {
         return Err(ReplayError::NoRun { path: path.to_owned(), problem: problem.into() });
     }
-    Ok(found.into_run(path))
+    Ok(found.into_run(path, start_ns as f64 * 1e-9))
 }
 
 impl Found {
@@ -107,22 +120,29 @@ impl Found {
             self.cycle_times_s.push(now.as_secs_f64());
             let (hole, missing) = self.continuity.cycle(now, cycle.index);
             if missing > 0 {
-                self.events.push((time_s, format!("{missing} cycles not recorded, {:.3} s", hole.as_secs_f64())));
+                self.events.push((
+                    time_s,
+                    Kind::Came,
+                    format!("{missing} cycles not recorded, {:.3} s", hole.as_secs_f64()),
+                ));
             } else if hole > HOLE {
-                self.events.push((time_s, format!("no control cycle for {:.3} s", hole.as_secs_f64())));
+                self.events.push((time_s, Kind::Came, format!("no control cycle for {:.3} s", hole.as_secs_f64())));
             }
             self.mode(time_s, &cycle.mode);
-            self.events.extend(cycle.requests.iter().map(|request| (time_s, format!("asked to {request}"))));
+            self.events
+                .extend(cycle.requests.iter().map(|request| (time_s, Kind::Came, format!("asked to {request}"))));
             if !cycle.fault.is_empty() {
-                self.events.push((time_s, format!("fault below: {}", cycle.fault)));
+                self.events.push((time_s, Kind::Fault, format!("fault below: {}", cycle.fault)));
             }
         } else if is(names::CONTROLLER_STATE, "tandem_msgs/msg/ControllerState") {
             let state = controller_state(topic, data).map_err(text)?;
             self.mode(time_s, &state.mode);
             let largest = state.tracking_error_rad.iter().fold(0.0_f64, |largest, error| largest.max(error.abs()));
             self.tracking_error.push((time_s, largest));
-            if !state.fault.is_empty() && !self.events.iter().any(|(_, event)| event.ends_with(&state.fault)) {
-                self.events.push((time_s, format!("fault: {}", state.fault)));
+            if !state.fault.is_empty()
+                && !self.events.iter().any(|(_, kind, event)| *kind == Kind::Fault && event.ends_with(&state.fault))
+            {
+                self.events.push((time_s, Kind::Fault, format!("fault: {}", state.fault)));
             }
         } else if is(names::GAIT_FILE, "std_msgs/msg/String") {
             let message: tandem_msgs::std_msgs::String = from_cdr(&topic.type_name, data).map_err(text)?;
@@ -147,16 +167,16 @@ impl Found {
     fn mode(&mut self, time_s: f64, mode: &str) {
         if self.modes.last().is_none_or(|(_, last)| last != mode) {
             self.modes.push((time_s, mode.to_owned()));
-            self.events.push((time_s, mode.replace('_', " ")));
+            self.events.push((time_s, Kind::Mode, mode.replace('_', " ")));
         }
     }
 
     fn gait(&mut self, time_s: f64, gait: Gait) {
-        self.events.push((time_s, format!("gait {}", gait.name)));
+        self.events.push((time_s, Kind::Came, format!("gait {}", gait.name)));
         self.gait = Some(gait);
     }
 
-    fn into_run(mut self, path: &Path) -> BehaviourRun {
+    fn into_run(mut self, path: &Path, begun_s: f64) -> BehaviourRun {
         let (has_body, has_ground) = (!self.body.is_empty(), self.ground.iter().all(|leg| !leg.is_empty()));
         let has_torque = self.joints.iter().all(|(_, state)| state.effort.len() == JOINTS);
         let mut body_at = 0;
@@ -192,17 +212,19 @@ impl Found {
         let last_s = samples.last().map_or(first_s, |sample| sample.time_s);
         let after =
             walking.and_then(|from_s| self.modes.iter().find(|(time_s, mode)| *time_s > from_s && mode != "walking"));
-        self.events.sort_by(|a, b| a.0.total_cmp(&b.0));
+        // Causes before effects.
+        self.events.sort_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
         BehaviourRun {
             path: path.to_owned(),
             gait: self.gait,
             samples,
+            begun_s,
             has_body,
             has_ground,
             has_torque,
             walking_from_s: walking.unwrap_or(first_s),
             walking_to_s: after.map_or(last_s, |(time_s, _)| *time_s),
-            events: self.events,
+            events: self.events.into_iter().map(|(time_s, _, text)| (time_s, text)).collect(),
             tracking_error: self.tracking_error,
             cycle_intervals_s: self.cycle_times_s.windows(2).map(|pair| pair[1] - pair[0]).collect(),
             missing_cycles: self.continuity.missing,

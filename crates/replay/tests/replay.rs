@@ -337,6 +337,9 @@ fn a_run_is_read_for_a_report() {
     for expected in ["gait gait1", "asked to arm", "asked to walk", "standing up", "walking"] {
         assert!(events.contains(&expected), "{expected} in {events:?}");
     }
+    // What was asked for stands before what it led to, in one cycle too.
+    let place = |wanted| events.iter().position(|event| *event == wanted);
+    assert!(place("asked to arm") < place("damping"), "{events:?}");
     assert_eq!((run.cycle_intervals_s.len(), run.missing_cycles), (7999, 0));
     assert!(run.robot_description.is_some_and(|urdf| urdf.contains("<robot")));
 }

@@ -79,11 +79,11 @@ pub(crate) const FONT: &str = "tandem";
 pub(crate) const INK: RGBColor = RGBColor(0x22, 0x26, 0x2b);
 pub(crate) const FAINT: RGBColor = RGBColor(0x6b, 0x72, 0x7a);
 pub(crate) const GRID: RGBColor = RGBColor(0xe6, 0xe8, 0xeb);
-pub(crate) const RED: RGBColor = RGBColor(0xd1, 0x1f, 0x2e);
-pub(crate) const GREEN: RGBColor = RGBColor(0x2f, 0xa0, 0x4f);
-pub(crate) const CYAN: RGBColor = RGBColor(0x12, 0xa5, 0xc4);
-pub(crate) const BLUE: RGBColor = RGBColor(0x2b, 0x5f, 0xb8);
-pub(crate) const ORANGE: RGBColor = RGBColor(0xe0, 0x84, 0x1a);
+// Those of Okabe and Ito, which the colour-blind tell apart.
+pub(crate) const VERMILION: RGBColor = RGBColor(0xd5, 0x5e, 0x00);
+pub(crate) const GREEN: RGBColor = RGBColor(0x00, 0x9e, 0x73);
+pub(crate) const BLUE: RGBColor = RGBColor(0x00, 0x72, 0xb2);
+pub(crate) const ORANGE: RGBColor = RGBColor(0xe6, 0x9f, 0x00);
 
 /// A text style, `size` in shown pixels.
 pub(crate) fn text(size: u32, color: RGBColor) -> TextStyle<'static> {

@@ -5,7 +5,7 @@ use std::ops::Range;
 
 use plotters::prelude::*;
 
-use crate::canvas::{Area, BLUE, FAINT, GRID, INK, Image, ORANGE, RED, draw, drawing, px};
+use crate::canvas::{Area, BLUE, FAINT, GRID, INK, Image, ORANGE, VERMILION, draw, drawing, px};
 use crate::figures::{Chart, Labels, at_least, averaged, chart, heading, line, padded, panel_legend};
 use crate::{ReportError, Run, Sample};
 
@@ -54,8 +54,8 @@ impl Driven<'_> {
     }
 }
 
-/// From above: the way asked for in red, the way gone in the run's colour, footholds as dots, pushes as arrows. Below:
-/// roll and pitch, speed ahead and turning, asked and got, over time.
+/// From above: the way asked for in vermilion, the way gone in the run's colour, footholds as dots, pushes as arrows.
+/// Below: roll and pitch, speed ahead and turning, asked and got, over time.
 ///
 /// # Errors
 /// [`ReportError::TooLittle`], [`ReportError::BadSample`], [`ReportError::Drawing`].
@@ -68,7 +68,7 @@ pub fn driven(run: &Run, driven: &Driven) -> Result<Image, ReportError> {
         let tilt_deg = samples.iter().map(tilt).fold(0.0, f64::max).to_degrees();
         let note = format!("{gone_m:.1} m gone, tilted by {tilt_deg:.1} deg at most; arrows and dotted lines: pushes");
         let legend =
-            [("way asked for", RED), ("way gone", run.origin.colour()), ("footholds", FAINT), ("push", ORANGE)];
+            [("way asked for", VERMILION), ("way gone", run.origin.colour()), ("footholds", FAINT), ("push", ORANGE)];
         let plot = heading(area, &format!("{}: driven, from above", run.gait.name), &note, &legend)?;
         let (above, below) = plot.split_vertically(px(ABOVE));
         from_above(&above, run, driven, samples)?;
@@ -91,7 +91,7 @@ fn from_above(panel: &Area, run: &Run, driven: &Driven, samples: &[Sample]) -> R
     let mut chart = chart(panel, x, y, labels)?;
     let dots = feet.map(|foot| Circle::new(foot, px(2), FAINT.mix(0.5).filled()));
     chart.draw_series(dots).map_err(drawing)?;
-    line(&mut chart, &way, RED.to_rgba(), 2.0)?;
+    line(&mut chart, &way, VERMILION.to_rgba(), 2.0)?;
     line(&mut chart, &gone, run.origin.colour().to_rgba(), 2.4)?;
     for (time_s, force_n) in driven.pushes {
         let place = samples.partition_point(|sample| sample.time_s < *time_s).min(samples.len() - 1);
@@ -135,8 +135,12 @@ fn over_time(panels: &[Area], run: &Run, driven: &Driven, samples: &[Sample]) ->
     let own = run.origin.colour();
     let rows = [
         ("angle (deg)", 4.0, [("roll", angle(0), BLUE), ("pitch", angle(1), INK)]),
-        ("ahead (m/s)", 0.2, [("stride's mean", smooth(ahead), own), ("asked for", asked(0), RED)]),
-        ("turning (rad/s)", 0.2, [("stride's mean", smooth(turning(samples)), own), ("asked for", asked(2), RED)]),
+        ("ahead (m/s)", 0.2, [("stride's mean", smooth(ahead), own), ("asked for", asked(0), VERMILION)]),
+        (
+            "turning (rad/s)",
+            0.2,
+            [("stride's mean", smooth(turning(samples)), own), ("asked for", asked(2), VERMILION)],
+        ),
     ];
     for (row, (label, least, series)) in rows.iter().enumerate() {
         let x = if row == 2 { "time (s)" } else { "" };

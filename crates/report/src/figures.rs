@@ -7,7 +7,7 @@ use plotters::coord::types::RangedCoordf64;
 use plotters::prelude::*;
 use plotters::style::text_anchor::{HPos, Pos, VPos};
 
-use crate::canvas::{Area, BLUE, CYAN, FAINT, GREEN, GRID, INK, Image, ORANGE, RED, draw, drawing, px, text};
+use crate::canvas::{Area, BLUE, FAINT, GREEN, GRID, INK, Image, ORANGE, VERMILION, draw, drawing, px, text};
 use crate::run::{Run, STANDING_N, Sample};
 use crate::{Origin, ReportError, mean_absolute_torque_nm, mean_forward_speed_m_s, table_two};
 
@@ -27,12 +27,12 @@ impl Origin {
     pub(crate) fn colour(self) -> RGBColor {
         match self {
             Origin::Simulated => GREEN,
-            Origin::Recorded => CYAN,
+            Origin::Recorded => BLUE,
         }
     }
 }
 
-/// Joint velocity over joint position in settled walking, one panel a joint type: the planned orbits in red, the run's in its own
+/// Joint velocity over joint position in settled walking, one panel a joint type: the planned orbits in vermilion, the run's in its own
 /// colour (the paper's tracking figure). A right leg is shown through the gait's mirror, so that all four legs share the orbits of
 /// a front and a rear leg.
 ///
@@ -50,7 +50,7 @@ pub fn phase_portraits(run: &Run) -> Result<Image, ReportError> {
             area,
             &title,
             "all four legs; the right ones mirrored onto the left",
-            &[("planned", RED), (word, run.origin.colour())],
+            &[("planned", VERMILION), (word, run.origin.colour())],
         )?;
         for (joint, panel) in plot.split_evenly((1, JOINTS_PER_LEG)).iter().enumerate() {
             let walked: Vec<Vec<(f64, f64)>> = (0..LEGS)
@@ -76,7 +76,7 @@ pub fn phase_portraits(run: &Run) -> Result<Image, ReportError> {
                 line(&mut chart, orbit, run.origin.colour().mix(0.45), 1.0)?;
             }
             for orbit in &planned {
-                line(&mut chart, orbit, RED.to_rgba(), 2.2)?;
+                line(&mut chart, orbit, VERMILION.to_rgba(), 2.2)?;
             }
         }
         Ok(())
@@ -247,7 +247,7 @@ pub fn time_series(run: &Run) -> Result<Image, ReportError> {
             speeds,
             &[
                 Series::new("", &speed, run.origin.colour().mix(0.35), 1.0),
-                Series::new("the gait's", &line_of_plan, RED.to_rgba(), 1.8),
+                Series::new("the gait's", &line_of_plan, VERMILION.to_rgba(), 1.8),
                 Series::new("stride's mean", &mean_speed, run.origin.colour().to_rgba(), 2.2),
             ],
         )
@@ -279,7 +279,7 @@ pub fn footfalls(run: &Run) -> Result<Image, ReportError> {
             area,
             &title,
             &note,
-            &[("planned stance", RED), (&format!("{} stance", run.origin.word()), colour)],
+            &[("planned stance", VERMILION), (&format!("{} stance", run.origin.word()), colour)],
         )?;
         let leg_name = |y: &f64| -> String {
             let row = y.round();
@@ -325,7 +325,7 @@ pub fn footfalls(run: &Run) -> Result<Image, ReportError> {
                 if StepSide::of_step((steps - shown) as u64 + step).stands()[leg] {
                     let from = start_s + step as f64 * step_s;
                     let stance = [(from, row - 0.32), (from + step_s, row - 0.2)];
-                    chart.draw_series([Rectangle::new(stance, RED.filled())]).map_err(drawing)?;
+                    chart.draw_series([Rectangle::new(stance, VERMILION.filled())]).map_err(drawing)?;
                 }
             }
         }

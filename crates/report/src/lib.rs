@@ -4,7 +4,7 @@
 //!
 //! | file | what it shows |
 //! |---|---|
-//! | `phase_portraits.png` | joint velocity over position, planned red, simulated green (the paper's figure) |
+//! | `phase_portraits.png` | joint velocity over position, planned vermilion, simulated green (the paper's figure) |
 //! | `torques.png` | mean absolute torque of each joint type beside the paper's Table II |
 //! | `time_series.png` | torque, body height, roll and pitch, forward speed over time |
 //! | `footfalls.png` | which foot stands when, and the plan |
@@ -52,7 +52,7 @@ pub use canvas::Image;
 pub use driven::{Driven, driven};
 pub use error::ReportError;
 pub use figures::{footfalls, phase_portraits, time_series, torque_bars};
-pub use page::{PageRun, Skeleton, page};
+pub use page::{Made, PageRun, Skeleton, page};
 pub use paper::{TableTwo, table_two};
 pub use planned_step::{PlannedStep, StepPoint, planned_step};
 pub use run::{Origin, Run, Sample, mean_absolute_torque_nm, mean_forward_speed_m_s};

@@ -10,6 +10,8 @@ const TEMPLATE: &str = include_str!("page.html");
 
 /// Points of a curve that the page holds: more cannot be distinguished on a screen.
 const POINTS: usize = 4000;
+/// No recording is older, s since the epoch.
+const YEAR_2000_S: f64 = 946_684_800.0;
 /// Bins of the histogram of control cycles.
 const BINS: usize = 80;
 
@@ -18,6 +20,8 @@ const BINS: usize = 80;
 pub struct PageRun<'a> {
     /// What the run is called.
     pub label: String,
+    /// The first sample's time, s since the epoch; one that lies before 2000 is a simulation's own time.
+    pub begun_s: f64,
     /// The gait that was walked, if it is known.
     pub gait: Option<&'a Gait>,
     /// Samples in the order of time.
@@ -57,11 +61,20 @@ pub struct Skeleton {
     pub frames: Vec<[[f64; 3]; 1 + 4 * LEGS]>,
 }
 
+/// When a page was made, and by what.
+#[derive(Clone, Copy, Debug)]
+pub struct Made<'a> {
+    /// s since the epoch.
+    pub at_s: u64,
+    /// The program and its version.
+    pub by: &'a str,
+}
+
 /// The page's HTML.
 ///
 /// # Errors
 /// [`ReportError::TooLittle`] if there is no run, or a run without samples.
-pub fn page(title: &str, runs: &[PageRun]) -> Result<String, ReportError> {
+pub fn page(title: &str, made: Made, runs: &[PageRun]) -> Result<String, ReportError> {
     let too_little = |run: &str, problem: &str| ReportError::TooLittle { run: run.into(), problem: problem.into() };
     if runs.is_empty() {
         return Err(too_little(title, "no run; expected at least one"));
@@ -74,7 +87,7 @@ pub fn page(title: &str, runs: &[PageRun]) -> Result<String, ReportError> {
         data.push(run_data(run));
     }
     // "</" would end the script element that holds the data.
-    let text = json!({ "runs": data }).to_string().replace("</", "<\\/");
+    let text = json!({ "runs": data, "made_s": made.at_s, "made_by": made.by }).to_string().replace("</", "<\\/");
     Ok(TEMPLATE.replace("__TITLE__", &escaped(title)).replace("__DATA__", &text))
 }
 
@@ -131,6 +144,8 @@ fn run_data(run: &PageRun) -> Value {
         .collect();
     json!({
         "label": run.label,
+        "origin": origin(run),
+        "begun_s": (run.begun_s >= YEAR_2000_S).then_some(run.begun_s),
         "gait": run.gait.map(|gait| gait.name.as_str()),
         "end_s": end_s,
         "walking_from_s": run.walking_from_s,
@@ -174,6 +189,17 @@ fn settled<'a>(run: &PageRun<'a>) -> &'a [Sample] {
     let late = from(walked, run.walking_from_s + 2.0);
     let long_enough = |samples: &[Sample]| matches!(samples, [first, .., last] if last.time_s - first.time_s > 1.0);
     if long_enough(late) { late } else { from(walked, run.walking_from_s) }
+}
+
+/// Whether the run is a simulation's, as far as its times say: in lockstep no cycle is longer than another.
+fn origin(run: &PageRun) -> &'static str {
+    let even = run.cycle_intervals_s.len() > 1
+        && run.cycle_intervals_s.iter().all(|interval| (interval - run.cycle_intervals_s[0]).abs() < 1e-7);
+    match (run.begun_s < YEAR_2000_S, even) {
+        (true, true) => "simulated, lockstep",
+        (true, false) => "simulated",
+        (false, _) => "recorded",
+    }
 }
 
 /// For each joint type, for each leg: positions and velocities.
@@ -267,6 +293,7 @@ mod tests {
     fn run<'a>(samples: &'a [Sample], events: &'a [(f64, String)]) -> PageRun<'a> {
         PageRun {
             label: "a <run> & \"more\"".into(),
+            begun_s: 0.0,
             gait: None,
             samples,
             walking_from_s: 0.0,
@@ -297,12 +324,24 @@ mod tests {
         };
         let samples: Vec<Sample> = (0..100).map(|i| sample(f64::from(i) * 0.01)).collect();
         let events = [(0.5, "</script><script>alert(1)</script>".to_owned())];
-        let html = page("<b>title</b>", &[run(&samples, &events)]).unwrap();
+        let made = Made { at_s: 1_700_000_000, by: "tandem" };
+        let html = page("<b>title</b>", made, &[run(&samples, &events)]).unwrap();
         assert_eq!(html.matches("<script").count(), 2 + 1, "the event's own is inside the data");
         assert_eq!(html.matches("</script>").count(), 2);
         assert!(html.contains("&lt;b&gt;title"));
         assert!(!html.contains("http:") && !html.contains("https:"), "no network");
-        assert!(matches!(page("t", &[]), Err(ReportError::TooLittle { .. })));
-        assert!(matches!(page("t", &[run(&samples[..1], &[])]), Err(ReportError::TooLittle { .. })));
+        assert!(matches!(page("t", made, &[]), Err(ReportError::TooLittle { .. })));
+        assert!(matches!(page("t", made, &[run(&samples[..1], &[])]), Err(ReportError::TooLittle { .. })));
+    }
+
+    #[test]
+    fn a_run_says_whether_it_was_simulated() {
+        let events = [];
+        let of = |begun_s: f64, intervals: &[f64]| {
+            origin(&PageRun { begun_s, cycle_intervals_s: intervals, ..run(&[], &events) })
+        };
+        assert_eq!(of(0.0, &[0.001; 5]), "simulated, lockstep");
+        assert_eq!(of(12.0, &[0.001, 0.0013]), "simulated");
+        assert_eq!(of(1_790_000_000.0, &[0.001; 5]), "recorded");
     }
 }

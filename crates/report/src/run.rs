@@ -29,9 +29,9 @@ pub struct Sample {
 /// Where samples come from, which decides their name and colour in a picture.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Origin {
-    /// MuJoCo: green, as in the paper.
+    /// MuJoCo: green.
     Simulated,
-    /// A robot or a bag: cyan, as in the paper.
+    /// A robot or a bag: blue.
     Recorded,
 }
 

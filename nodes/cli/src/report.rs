@@ -10,6 +10,7 @@ use simulator::SimulatorOptions;
 use simulator::pictures::Studio;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
+use std::time::{SystemTime, UNIX_EPOCH};
 
 /// Make a page of one or more recordings, to look at and to compare
 ///
@@ -35,7 +36,7 @@ pub struct Arguments {
     /// Write every topic as a CSV file into this folder; with several bags, into one folder for each in it
     #[arg(long, value_name = "FOLDER", value_parser = output::folder)]
     csv: Option<PathBuf>,
-    /// Samples come from a robot: drawn in cyan, as the paper's experiments
+    /// Samples come from a robot: drawn in blue
     #[arg(long)]
     recorded: bool,
     /// Print one JSON object for each file that is written
@@ -92,6 +93,7 @@ pub fn run(arguments: &Arguments) -> Result<ExitCode> {
         let tiles_png = if tiles.is_empty() { None } else { Some(::report::tile_strip(caption, tiles)?.to_png()?) };
         page_runs.push(::report::PageRun {
             label: label.clone(),
+            begun_s: run.begun_s,
             gait: run.gait.as_ref(),
             samples: &run.samples,
             walking_from_s: run.walking_from_s,
@@ -108,7 +110,7 @@ pub fn run(arguments: &Arguments) -> Result<ExitCode> {
         });
     }
     let title = format!("Tandem: {}", labels.join(", "));
-    let html = ::report::page(&title, &page_runs)?;
+    let html = ::report::page(&title, made_now(), &page_runs)?;
     output::write_file(&page, html.as_bytes())?;
     drop(progress);
     if arguments.json {
@@ -117,6 +119,12 @@ pub fn run(arguments: &Arguments) -> Result<ExitCode> {
         say!("{}: {:.1} MB", output::shown(&page), html.len() as f64 * 1e-6)?;
     }
     Ok(ExitCode::SUCCESS)
+}
+
+fn made_now() -> ::report::Made<'static> {
+    // A machine whose clock stands before 1970 has no date to tell.
+    let at_s = SystemTime::now().duration_since(UNIX_EPOCH).map_or(0, |since| since.as_secs());
+    ::report::Made { at_s, by: concat!("tandem ", env!("CARGO_PKG_VERSION")) }
 }
 
 /// A remark: beside JSON objects on standard error.

@@ -103,7 +103,7 @@ impl Shapes {
                 r#type: SPHERE,
                 pose: Pose { position: point(toe), orientation: Quaternion { w: 1.0, ..Quaternion::default() } },
                 scale: Vector3 { x: radius, y: radius, z: radius },
-                color: if stands { GREEN } else { GREY },
+                color: if stands { ORANGE } else { GREY },
                 ..marker("feet", leg, stamp)
             });
             // World axes to the base's: the inverse of the base's rotation.
@@ -114,7 +114,7 @@ impl Shapes {
                 action: if stands && received.odometry.is_some() { ADD } else { DELETE },
                 points: vec![point(toe), point(std::array::from_fn(|i| toe[i] + ARROW_M_PER_N * arrow[i]))],
                 scale: Vector3 { x: 0.012, y: 0.03, z: 0.04 },
-                color: RED,
+                color: VERMILION,
                 ..marker("ground_force", leg, stamp)
             });
         }
@@ -170,10 +170,11 @@ const SPHERE: i32 = 2;
 const LINE_STRIP: i32 = 4;
 const ADD: i32 = 0;
 const DELETE: i32 = 2;
-const GREEN: ColorRGBA = ColorRGBA { r: 0.18, g: 0.62, b: 0.31, a: 1.0 };
+// Those of Okabe and Ito, which the colour-blind tell apart.
+const ORANGE: ColorRGBA = ColorRGBA { r: 0.90, g: 0.62, b: 0.0, a: 1.0 };
 const GREY: ColorRGBA = ColorRGBA { r: 0.6, g: 0.6, b: 0.6, a: 1.0 };
-const RED: ColorRGBA = ColorRGBA { r: 0.82, g: 0.12, b: 0.18, a: 1.0 };
-const BLUE: ColorRGBA = ColorRGBA { r: 0.17, g: 0.37, b: 0.72, a: 1.0 };
+const VERMILION: ColorRGBA = ColorRGBA { r: 0.84, g: 0.37, b: 0.0, a: 1.0 };
+const BLUE: ColorRGBA = ColorRGBA { r: 0.0, g: 0.45, b: 0.70, a: 1.0 };
 
 fn header(stamp: Time) -> Header {
     Header { stamp, frame_id: "base_link".into() }
