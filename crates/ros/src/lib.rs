@@ -93,9 +93,9 @@ pub use service::{ServeOptions, WAITING};
 pub use stop::Stop;
 pub use time::{Clock, wall_time};
 
-// Does not compile? Run launch-scripts/setup: cargo then builds RustDDS with the patches of patches/. Not so `cargo
-// install`, which ignores `paths` of cargo's configuration: it installs `tandem` without the network.
-const _: &str = ros2_client::dds::rustdds::PATCHED_FOR_TANDEM; // launch-scripts/setup; install: --no-default-features
+// Does not compile? Cargo built the released RustDDS: a workspace that uses this crate needs Tandem's
+// [patch.crates-io].
+const _: &str = ros2_client::dds::rustdds::PATCHED_FOR_TANDEM;
 
 /// A message as the middleware wants it: its marker trait cannot be implemented for types of another crate.
 #[derive(Clone, Debug, serde::Serialize, serde::Deserialize)]

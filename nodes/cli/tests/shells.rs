@@ -101,7 +101,7 @@ fn ctrl_c_loses_nothing_of_a_simulation_that_writes_a_bag() {
         place.succeeds(&format!("kill -{signal} {}", child.id()));
         let asked = Instant::now();
         let output = child.wait_with_output().unwrap();
-        assert!(asked.elapsed() < Duration::from_secs(10), "it took {:?}", asked.elapsed());
+        assert!(asked.elapsed() < Duration::from_secs(60), "it took {:?}", asked.elapsed());
         assert_eq!(output.status.code(), Some(code), "{}", String::from_utf8_lossy(&output.stderr));
         let summary: Value = serde_json::from_slice(&output.stdout).unwrap();
         assert_eq!(
@@ -126,7 +126,7 @@ fn ctrl_c_ends_a_command_that_waits() {
     place.succeeds(&format!("kill -INT {}", child.id()));
     let asked = Instant::now();
     child.wait().unwrap();
-    assert!(asked.elapsed() < Duration::from_secs(10), "it took {:?}", asked.elapsed());
+    assert!(asked.elapsed() < Duration::from_secs(60), "it took {:?}", asked.elapsed());
 }
 
 #[test]

@@ -9,10 +9,12 @@ use tandem_msgs::builtin_interfaces::Time;
 
 /// A problem that was not seen again for so long is over.
 const MEMORY: Duration = Duration::from_secs(1);
+/// Diagnostics come once a second: for so long they show a problem, whatever came after it.
+const SHOWN_FOR: Duration = Duration::from_secs(2);
 /// A joint that no message has named for so long is missing. Messages may carry the joints in parts.
 const MISSING_AFTER: Duration = Duration::from_millis(500);
-/// As many messages with one stamp are no repetition of a lost one.
-const STANDING_STAMPS: u32 = 20;
+/// As many messages in a row with stamps of whole seconds are no chance.
+const WHOLE_STAMPS: u32 = 20;
 
 /// The topics whose problems are kept.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -49,6 +51,8 @@ struct Problem {
     text: String,
     count: u64,
     last: Option<Duration>,
+    /// A good message came after it.
+    is_over: bool,
 }
 
 /// The last problem of each topic.
@@ -67,33 +71,34 @@ impl InputProblems {
         if problem.count.is_power_of_two() {
             tracing::warn!("{} ({} so far): {text}", topic.name(), problem.count);
         }
-        (problem.text, problem.last) = (text, Some(wall));
+        (problem.text, problem.last, problem.is_over) = (text, Some(wall), false);
     }
 
     /// A message had nothing wrong with it: what is wrong with those of another publisher is not held against it.
     pub fn is_fine(&self, topic: Topic) {
-        self.problems.lock().unwrap_or_else(PoisonError::into_inner)[topic as usize].last = None;
+        self.problems.lock().unwrap_or_else(PoisonError::into_inner)[topic as usize].is_over = true;
     }
 
-    /// What is wrong at monotonic time `wall`, in one line; empty where nothing is.
-    pub fn current(&self, wall: Duration) -> String {
-        self.of(&Topic::ALL, wall)
+    /// What was wrong shortly before monotonic time `wall`, in one line, also where the last message was good: what
+    /// comes and goes must not hide between two diagnostics. Empty where nothing was.
+    pub fn recent(&self, wall: Duration) -> String {
+        self.of(&Topic::ALL, SHOWN_FOR, |_| true, wall)
     }
 
-    /// The same of what keeps a robot from being armed, from standing up and from walking: a pose of the body that is
-    /// not heeded does not, nor what others publish who may not drive.
+    /// What is wrong now and keeps a robot from being armed, from standing up and from walking: a pose of the body that
+    /// is not heeded does not, nor what others publish who may not drive.
     pub fn hindering(&self, wall: Duration) -> String {
-        self.of(&[Topic::JointStates, Topic::Imu, Topic::CmdVel], wall)
+        self.of(&[Topic::JointStates, Topic::Imu, Topic::CmdVel], MEMORY, |problem| !problem.is_over, wall)
     }
 
-    fn of(&self, topics: &[Topic], wall: Duration) -> String {
+    fn of(&self, topics: &[Topic], age: Duration, counts: impl Fn(&Problem) -> bool, wall: Duration) -> String {
         let problems = self.problems.lock().unwrap_or_else(PoisonError::into_inner);
-        let current = topics.iter().filter_map(|&topic| {
+        let named = topics.iter().filter_map(|&topic| {
             let problem = &problems[topic as usize];
-            let is_current = problem.last.is_some_and(|last| wall.saturating_sub(last) < MEMORY);
-            is_current.then(|| format!("{}: {}", topic.name(), problem.text))
+            let is_young = problem.last.is_some_and(|last| wall.saturating_sub(last) < age);
+            (is_young && counts(problem)).then(|| format!("{}: {}", topic.name(), problem.text))
         });
-        current.collect::<Vec<_>>().join("; ")
+        named.collect::<Vec<_>>().join("; ")
     }
 }
 
@@ -104,8 +109,7 @@ pub struct StateWatch {
     stamps_may_stand: bool,
     first: Option<Duration>,
     named: [Option<Duration>; JOINTS],
-    stamps: [Option<Duration>; JOINTS],
-    standing: u32,
+    whole_stamps: u32,
 }
 
 impl StateWatch {
@@ -117,13 +121,13 @@ impl StateWatch {
     /// What is wrong with the state, or with those up to it. `names` are the joints', `found` the message's.
     pub fn look(&mut self, state: &StateMessage, names: &[String; JOINTS], found: &[String]) -> Option<String> {
         let first = *self.first.get_or_insert(state.wall);
-        let mut repeats = true;
         for j in (0..JOINTS).filter(|j| state.named[*j]) {
-            repeats &= self.stamps[j] == Some(state.stamp);
-            (self.named[j], self.stamps[j]) = (Some(state.wall), Some(state.stamp));
+            self.named[j] = Some(state.wall);
         }
-        self.standing = if repeats { self.standing.saturating_add(1) } else { 0 };
-        self.not_finite(state, names).or_else(|| self.standing_stamp(state)).or_else(|| {
+        // In a row, whether the second is another or not: a driver that counts whole seconds is wrong all the time.
+        let is_whole = state.stamp.subsec_nanos() == 0;
+        self.whole_stamps = if is_whole { self.whole_stamps.saturating_add(1) } else { 0 };
+        self.not_finite(state, names).or_else(|| self.whole_stamp(state)).or_else(|| {
             let silent = |j: &usize| state.wall.saturating_sub(self.named[*j].unwrap_or(first)) > MISSING_AFTER;
             let missing = (0..JOINTS).find(silent)?;
             Some(format!("joint {:?} is missing; the message has {found:?}", names[missing]))
@@ -139,15 +143,14 @@ impl StateWatch {
         })
     }
 
-    fn standing_stamp(&self, state: &StateMessage) -> Option<String> {
+    fn whole_stamp(&self, state: &StateMessage) -> Option<String> {
         // A simulation that is paused stands at any time; zero and whole seconds are what drivers send that have no
         // time.
-        let whole = state.stamp.subsec_nanos() == 0;
-        (self.standing >= STANDING_STAMPS && whole && !self.stamps_may_stand).then(|| {
+        (self.whole_stamps > WHOLE_STAMPS && !self.stamps_may_stand).then(|| {
             format!(
-                "{} messages with the stamp {} s: expected the time of each measurement, which neither zero nor whole \
-                 seconds are; or the simulation is paused",
-                self.standing + 1,
+                "{} messages with the stamp {} s or other whole seconds: expected the time of each measurement, which \
+                 neither zero nor whole seconds are; or the simulation is paused",
+                self.whole_stamps,
                 Time::from_nanoseconds(i64::try_from(state.stamp.as_nanos()).unwrap_or(i64::MAX)).seconds()
             )
         })
@@ -185,6 +188,13 @@ mod tests {
             let problem = problems[30].as_ref().unwrap();
             assert!(problem.contains(&format!("the stamp {} s", stamp.as_secs())), "{problem}");
         }
+        // Nor does the next second excuse them: the diagnostics might look just then.
+        let mut watch = StateWatch::default();
+        for k in 0..600 {
+            let stamp = Duration::from_secs(u64::from(7 + k / 200));
+            let problem = watch.look(&state(stamp, k * 5 * MS, |_| true), &names(), &names());
+            assert_eq!(problem.is_some(), k >= 20, "message {k}");
+        }
         let mut watch = StateWatch::default();
         for k in 0..100 {
             // Repeated ten times each, as a simulation does that waits for an answer.
@@ -215,17 +225,28 @@ mod tests {
         assert_eq!(text, "the velocity of \"joint_4\" is NaN: expected a finite number");
         let problems = InputProblems::default();
         problems.note(Topic::JointStates, text, MS);
-        assert!(problems.current(2 * MS).starts_with("joint_states: the velocity of"));
+        assert!(problems.recent(2 * MS).starts_with("joint_states: the velocity of"));
         problems.note(Topic::Imu, "upside down".into(), MS);
-        assert!(problems.current(2 * MS).ends_with("; imu: upside down"));
-        assert_eq!(problems.current(2 * MEMORY), "");
+        assert!(problems.recent(2 * MS).ends_with("; imu: upside down"));
+        assert_eq!((problems.hindering(2 * MEMORY), problems.recent(2 * SHOWN_FOR)), (String::new(), String::new()));
         problems.is_fine(Topic::JointStates);
-        assert_eq!(problems.current(2 * MS), "imu: upside down");
+        assert_eq!(problems.hindering(2 * MS), "imu: upside down");
         problems.is_fine(Topic::Imu);
         problems.note(Topic::BodyPose, "refused".into(), MS);
-        assert_eq!(
-            (problems.current(2 * MS).as_str(), problems.hindering(2 * MS).as_str()),
-            ("body_pose: refused", "")
-        );
+        assert_eq!(problems.hindering(2 * MS), "");
+        assert!(problems.recent(2 * MS).ends_with("; body_pose: refused"));
+    }
+
+    #[test]
+    fn what_comes_and_goes_does_not_hide_between_two_diagnostics() {
+        let problems = InputProblems::default();
+        for k in 0..3000 {
+            match k % 500 {
+                0 => problems.note(Topic::Imu, "upside down".into(), k * MS),
+                _ => problems.is_fine(Topic::Imu),
+            }
+            let (shown, hinders) = (problems.recent(k * MS), problems.hindering(k * MS));
+            assert_eq!((shown.as_str(), hinders.is_empty()), ("imu: upside down", k % 500 != 0), "after {k} ms");
+        }
     }
 }

@@ -207,7 +207,7 @@ mod tests {
         assert!(gate.heeds(Topic::CmdVel, own) && !gate.heeds(Topic::CmdVel, other));
         let now = monotonic_now();
         let told = "lease: cmd_vel of another program refused: claimed by \"tablet\" until it is released";
-        assert_eq!((gate.problems.current(now).as_str(), gate.problems.hindering(now).as_str()), (told, ""));
+        assert_eq!((gate.problems.recent(now).as_str(), gate.problems.hindering(now).as_str()), (told, ""));
         gate.lease.end();
         assert!(gate.heeds(Topic::BodyPose, other));
     }

@@ -226,7 +226,7 @@ impl Publishers {
     }
 
     fn inputs_status(&self) -> DiagnosticStatus {
-        let problem = self.problems.current(monotonic_now());
+        let problem = self.problems.recent(monotonic_now());
         let (level, message) = match problem.is_empty() {
             true => (DiagnosticStatus::OK, "nothing wrong with what comes in".to_owned()),
             false => (DiagnosticStatus::ERROR, problem),

@@ -38,12 +38,11 @@ impl Bench {
         let node = |name| Node::start(name, &Arguments::default().with_domain_id(DOMAIN)).unwrap();
         let (controller, robot) = (node("contract_controller"), node("contract_robot"));
         let names: [String; JOINTS] = std::array::from_fn(|j| format!("joint_{j}"));
-        let (states_in, states) = RingBuffer::new(DEPTH);
-        let (commands_in, commands) = RingBuffer::new(DEPTH);
+        let (states_in, mut states_out) = RingBuffer::new(DEPTH);
+        let (mut commands_in, commands) = RingBuffer::new(DEPTH);
         let qos = Qos::reliable(10);
         listen(&controller, names.clone(), states_in, Some(std::thread::current()), qos, Arc::default()).unwrap();
-        let commands_out = CommandPublisher::new(&controller, names.clone(), commands, true).unwrap();
-        let bus = DdsBus::new(states, commands_in, None, CycleClock::JointStates, GAP);
+        let mut commands_out = CommandPublisher::new(&controller, names.clone(), commands, true).unwrap();
         let (sender, receiver) = channel();
         robot
             .subscribe("joint_command", qos, move |message: tandem_msgs::JointCommand| {
@@ -61,10 +60,21 @@ impl Bench {
             assert!(Instant::now() < deadline, "the nodes do not find each other");
             std::thread::sleep(Duration::from_millis(20));
         }
-        // Known is not yet connected.
-        std::thread::sleep(Duration::from_millis(1000));
+        // Known is not yet connected: until one of each has arrived, and it is the last.
+        connect(|probe| {
+            states.publish(state(probe, &names, &[0.0; JOINTS], &[0.0; JOINTS], None)).unwrap();
+            std::thread::sleep(10 * MS);
+            std::iter::from_fn(|| states_out.pop().ok()).any(|arrived| arrived.stamp == probe)
+        });
+        connect(|probe| {
+            let message = CommandMessage { stamp: probe, command: JointCommand::LIMP, drives_on: false };
+            commands_in.push(message).unwrap();
+            commands_out.publish_next().unwrap().unwrap();
+            std::thread::sleep(10 * MS);
+            receiver.try_iter().any(|arrived| arrived.header.stamp.nanoseconds() == probe.as_nanos() as i64)
+        });
         Self {
-            bus,
+            bus: DdsBus::new(states_out, commands_in, None, CycleClock::JointStates, GAP),
             commands_out,
             states,
             commands: receiver,
@@ -99,6 +109,35 @@ impl Bench {
     }
 }
 
+/// Sends probes, each with a stamp of its own, until one has arrived.
+fn connect(mut arrives: impl FnMut(Duration) -> bool) {
+    let deadline = Instant::now() + PATIENCE;
+    let mut probe = Duration::ZERO;
+    while !arrives(probe) {
+        assert!(Instant::now() < deadline, "nothing arrives over DDS");
+        probe += Duration::from_nanos(1);
+    }
+}
+
+fn state(
+    stamp: Duration,
+    names: &[String; JOINTS],
+    q: &[f64; JOINTS],
+    v: &[f64; JOINTS],
+    silent: Option<usize>,
+) -> JointState {
+    let spoken: Vec<usize> = (0..JOINTS).filter(|j| Some(*j) != silent).collect();
+    let mut message = JointState {
+        name: spoken.iter().map(|j| names[*j].clone()).collect(),
+        position: spoken.iter().map(|j| q[*j]).collect(),
+        velocity: spoken.iter().map(|j| v[*j]).collect(),
+        effort: Vec::new(),
+        ..JointState::default()
+    };
+    message.header.stamp = Time::from_nanoseconds(stamp.as_nanos() as i64);
+    message
+}
+
 impl ContractBench for Bench {
     fn bus(&mut self) -> &mut dyn JointBus {
         &mut self.bus
@@ -106,16 +145,7 @@ impl ContractBench for Bench {
 
     fn act(&mut self, now: Duration, q: &[f64; JOINTS], v: &[f64; JOINTS], silent: Option<usize>) -> [f64; JOINTS] {
         self.fetch();
-        let spoken: Vec<usize> = (0..JOINTS).filter(|j| Some(*j) != silent).collect();
-        let mut message = JointState {
-            name: spoken.iter().map(|j| self.names[*j].clone()).collect(),
-            position: spoken.iter().map(|j| q[*j]).collect(),
-            velocity: spoken.iter().map(|j| v[*j]).collect(),
-            effort: Vec::new(),
-            ..JointState::default()
-        };
-        message.header.stamp = Time::from_nanoseconds(now.as_nanos() as i64);
-        self.states.publish(message).unwrap();
+        self.states.publish(state(now, &self.names, q, v, silent)).unwrap();
         self.answered = Some(now);
         let deadline = Instant::now() + PATIENCE;
         while !self.bus.has_waiting() {

@@ -224,7 +224,7 @@ fn walk_and_break(bus: &str, how: &str, timeout: Duration) {
         std::thread::spawn(move || play(far, q, v, observer));
         std::thread::spawn(move || cycle.run_realtime(bus, PERIOD, realtime, |_| {}));
     }
-    let deadline = Instant::now() + Duration::from_secs(10);
+    let deadline = Instant::now() + Duration::from_secs(60);
     while !seen.walks.load(Ordering::SeqCst) {
         assert!(Instant::now() < deadline, "it does not walk");
         std::thread::sleep(MS);

@@ -150,44 +150,52 @@ fn pause_step_and_reset_do_what_they_say() {
     let node = node("test_client", 43);
     let received = states(&node);
     let commands = node.publisher::<JointCommand>("joint_command", Qos::reliable(10)).unwrap();
-    let answer_all = |for_at_least: Duration| {
-        let end = Instant::now() + for_at_least;
-        let mut last = None;
-        while Instant::now() < end {
-            let Ok(state) = received.recv_timeout(Duration::from_millis(10)) else { continue };
-            let mut command = JointCommand {
-                name: state.name.clone(),
-                position: state.position.clone(),
-                velocity: vec![0.0; 12],
-                kp: vec![100.0; 12],
-                kd: vec![5.0; 12],
-                torque: vec![0.0; 12],
-                ..Default::default()
-            };
-            command.header.stamp = state.header.stamp;
-            commands.publish(command).unwrap();
-            last = Some(state);
-        }
-        last.expect("a joint state")
+    let answer = |state: &JointState| {
+        let mut command = JointCommand {
+            name: state.name.clone(),
+            position: state.position.clone(),
+            velocity: vec![0.0; 12],
+            kp: vec![100.0; 12],
+            kd: vec![5.0; 12],
+            torque: vec![0.0; 12],
+            ..Default::default()
+        };
+        command.header.stamp = state.header.stamp;
+        commands.publish(command).unwrap();
     };
-    let deadline = Instant::now() + PATIENCE;
-    while node.publisher_count("joint_states") == 0 && Instant::now() < deadline {
-        std::thread::sleep(Duration::from_millis(20));
-    }
-    let still = answer_all(Duration::from_millis(1500));
+    // Answers every state until one is at `stamp_ns` or later.
+    let answer_until = |stamp_ns: i64| loop {
+        let state = received.recv_timeout(PATIENCE).expect("a joint state");
+        answer(&state);
+        if state.header.stamp.nanoseconds() >= stamp_ns {
+            return state;
+        }
+    };
+    // Answers until time stands still: a paused bridge repeats its state every 50 ms.
+    let answer_until_it_stands = || {
+        let mut last = answer_until(0);
+        let mut repeats = 0;
+        while repeats < 5 {
+            let state = answer_until(0);
+            repeats = if state.header.stamp == last.header.stamp { repeats + 1 } else { 0 };
+            last = state;
+        }
+        last
+    };
+    let still = answer_until_it_stands();
     assert_eq!(still.header.stamp.nanoseconds(), PERIOD_NS, "paused: no time passes");
     let step = node.client::<Trigger>("step").unwrap();
     assert!(step.call(TriggerRequest::default(), PATIENCE).unwrap().success);
-    assert_eq!(answer_all(Duration::from_millis(500)).header.stamp.nanoseconds(), 2 * PERIOD_NS);
+    answer_until(2 * PERIOD_NS);
+    assert_eq!(answer_until_it_stands().header.stamp.nanoseconds(), 2 * PERIOD_NS, "one period and no more");
     call_pause(&node, false);
-    let running = answer_all(Duration::from_millis(500));
-    assert!(running.header.stamp.nanoseconds() > 10 * PERIOD_NS);
+    answer_until(11 * PERIOD_NS);
     assert!(!step.call(TriggerRequest::default(), PATIENCE).unwrap().success, "no single steps while it runs");
     call_pause(&node, true);
-    let before = answer_all(Duration::from_millis(300));
+    let before = answer_until_it_stands();
     let reset = node.client::<Trigger>("reset").unwrap();
     assert!(reset.call(TriggerRequest::default(), PATIENCE).unwrap().success);
-    let after = answer_all(Duration::from_millis(300));
+    let after = answer_until(before.header.stamp.nanoseconds() + PERIOD_NS);
     assert_eq!(
         after.header.stamp.nanoseconds(),
         before.header.stamp.nanoseconds() + PERIOD_NS,
