@@ -31,6 +31,8 @@ pub struct BehaviourRun {
     pub begun_s: f64,
     /// Whether base position, orientation and velocity are known.
     pub has_body: bool,
+    /// Whether they are the truth, and not the controller's estimate.
+    pub has_truth: bool,
     /// Whether ground forces are known.
     pub has_ground: bool,
     /// Whether torques are known.
@@ -66,6 +68,7 @@ type Event = (f64, Kind, String);
 struct Found {
     joints: Vec<(f64, JointState)>,
     body: Vec<(f64, Odometry)>,
+    truth: Vec<(f64, Odometry)>,
     ground: [Vec<(f64, f64)>; LEGS],
     gait: Option<Gait>,
     modes: Vec<(f64, String)>,
@@ -112,6 +115,8 @@ impl Found {
             if state.position.len() == JOINTS && state.velocity.len() == JOINTS {
                 self.joints.push((time_s, state));
             }
+        } else if is(names::GROUND_TRUTH, "nav_msgs/msg/Odometry") {
+            self.truth.push((time_s, from_cdr(&topic.type_name, data).map_err(text)?));
         } else if is(names::ODOM, "nav_msgs/msg/Odometry") {
             self.body.push((time_s, from_cdr(&topic.type_name, data).map_err(text)?));
         } else if is(names::CONTROL_CYCLE, "tandem_msgs/msg/ControlCycle") {
@@ -177,6 +182,11 @@ impl Found {
     }
 
     fn into_run(mut self, path: &Path, begun_s: f64) -> BehaviourRun {
+        // An estimate says how sure it is.
+        let mut has_truth = self.body.iter().all(|(_, body)| body.pose.covariance.0[0] == 0.0);
+        if !self.truth.is_empty() {
+            (self.body, has_truth) = (std::mem::take(&mut self.truth), true);
+        }
         let (has_body, has_ground) = (!self.body.is_empty(), self.ground.iter().all(|leg| !leg.is_empty()));
         let has_torque = self.joints.iter().all(|(_, state)| state.effort.len() == JOINTS);
         let mut body_at = 0;
@@ -220,6 +230,7 @@ impl Found {
             samples,
             begun_s,
             has_body,
+            has_truth: has_body && has_truth,
             has_ground,
             has_torque,
             walking_from_s: walking.unwrap_or(first_s),

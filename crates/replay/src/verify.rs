@@ -5,7 +5,8 @@ use std::time::Duration;
 
 use bag::{Bag, from_cdr};
 use control::{
-    Config, Controller, Fault, FaultReport, Input, JOINTS, PreparedGait, Request, Snapshot, SnapshotVersion1,
+    Config, Controller, Fault, FaultReport, Input, JOINTS, Output, PreparedGait, Request, Snapshot, SnapshotVersion1,
+    Velocity,
 };
 use gait::Gait;
 use run_recorder::names::{self, request_of};
@@ -51,7 +52,12 @@ pub struct Verification {
 /// [`ReplayError::NoRun`] if the bag lacks the configuration or a cycle (dropped by the recorder, or not recorded from
 /// the start), or its configuration or gait is not one for this version; [`ReplayError::BadMessage`].
 pub fn verify(path: impl AsRef<Path>) -> Result<Verification, ReplayError> {
-    let path = path.as_ref();
+    follow(path.as_ref(), &mut |_, _| ())
+}
+
+/// The same, in the eyes of one who watches: `observe` sees each cycle's time (s since the bag's first message) and
+/// what came of it.
+pub(crate) fn follow(path: &Path, observe: &mut dyn FnMut(f64, &Followed)) -> Result<Verification, ReplayError> {
     let bag = Bag::open(path)?;
     let no_run = |problem: String| ReplayError::NoRun { path: path.to_owned(), problem };
     let index_of = |name: &str| {
@@ -104,7 +110,8 @@ pub fn verify(path: impl AsRef<Path>) -> Result<Verification, ReplayError> {
             player.commands.push(from_cdr(&topic.type_name, data)?);
         } else if message.topic == cycles_topic {
             let cycle = control_cycle(topic, data)?;
-            let difference = player.cycle(&cycle, time_s).map_err(bad)?;
+            let (followed, difference) = player.cycle(&cycle, time_s).map_err(bad)?;
+            observe(time_s, &followed);
             result.cycles += 1;
             result.duration_s = (message.stamp_ns - *first_ns.get_or_insert(message.stamp_ns)) as f64 * 1e-9;
             if let Some(difference) = difference {
@@ -114,6 +121,14 @@ pub fn verify(path: impl AsRef<Path>) -> Result<Verification, ReplayError> {
         }
     }
     Ok(result)
+}
+
+/// A cycle that was run again.
+pub(crate) struct Followed {
+    /// What the controller's step reported.
+    pub output: Output,
+    /// The velocity that was asked for, as old as it was.
+    pub asked: Option<Velocity>,
 }
 
 #[derive(Default)]
@@ -147,7 +162,7 @@ impl Player {
     }
 
     /// Runs one cycle; the error is the recording's.
-    fn cycle(&mut self, cycle: &ControlCycle, time_s: f64) -> Result<Option<Difference>, String> {
+    fn cycle(&mut self, cycle: &ControlCycle, time_s: f64) -> Result<(Followed, Option<Difference>), String> {
         let (controller, config) =
             self.controller.as_mut().ok_or("a cycle before the controller's configuration was recorded")?;
         if cycle.index != self.last_index + 1 {
@@ -213,44 +228,58 @@ impl Player {
         };
         let now = before(cycle, 0)?;
         let output = controller.step(&input, now);
-        let computed = &output.command;
-        let found = |joint: usize, what: &'static str, recorded: f64, computed: f64| Difference {
+        let timeout_s = config.balance.as_ref().map_or(f64::INFINITY, |balance| balance.command_timeout_s);
+        let asked = self.velocity.map(|command| command.at(now, timeout_s));
+        let difference = difference(cycle, recorded, &output, config, time_s)?;
+        Ok((Followed { output, asked }, difference))
+    }
+}
+
+/// What of a cycle's command and mode came out otherwise than recorded, if anything did.
+fn difference(
+    cycle: &ControlCycle,
+    recorded: &JointCommand,
+    output: &Output,
+    config: &Config,
+    time_s: f64,
+) -> Result<Option<Difference>, String> {
+    let computed = &output.command;
+    let found = |joint: usize, what: &'static str, recorded: f64, computed: f64| Difference {
+        cycle: cycle.index,
+        time_s,
+        joint: config.joint_names[joint].clone(),
+        what,
+        recorded: exact(recorded),
+        computed: exact(computed),
+    };
+    let pairs: [(&'static str, &[f64], &[f64; JOINTS]); 5] = [
+        ("position", &recorded.position, &computed.position_rad),
+        ("velocity", &recorded.velocity, &computed.velocity_rad_s),
+        ("kp", &recorded.kp, &computed.kp),
+        ("kd", &recorded.kd, &computed.kd),
+        ("torque", &recorded.torque, &computed.torque_nm),
+    ];
+    for (what, recorded, computed) in pairs {
+        if recorded.len() != JOINTS {
+            return Err(format!("the command's {what} has {} entries; expected {JOINTS}", recorded.len()));
+        }
+        for joint in 0..JOINTS {
+            if recorded[joint].to_bits() != computed[joint].to_bits() {
+                return Ok(Some(found(joint, what, recorded[joint], computed[joint])));
+            }
+        }
+    }
+    if cycle.mode != output.mode.name() {
+        return Ok(Some(Difference {
             cycle: cycle.index,
             time_s,
-            joint: config.joint_names[joint].clone(),
-            what,
-            recorded: exact(recorded),
-            computed: exact(computed),
-        };
-        let pairs: [(&'static str, &[f64], &[f64; JOINTS]); 5] = [
-            ("position", &recorded.position, &computed.position_rad),
-            ("velocity", &recorded.velocity, &computed.velocity_rad_s),
-            ("kp", &recorded.kp, &computed.kp),
-            ("kd", &recorded.kd, &computed.kd),
-            ("torque", &recorded.torque, &computed.torque_nm),
-        ];
-        for (what, recorded, computed) in pairs {
-            if recorded.len() != JOINTS {
-                return Err(format!("the command's {what} has {} entries; expected {JOINTS}", recorded.len()));
-            }
-            for joint in 0..JOINTS {
-                if recorded[joint].to_bits() != computed[joint].to_bits() {
-                    return Ok(Some(found(joint, what, recorded[joint], computed[joint])));
-                }
-            }
-        }
-        if cycle.mode != output.mode.name() {
-            return Ok(Some(Difference {
-                cycle: cycle.index,
-                time_s,
-                joint: String::new(),
-                what: "mode",
-                recorded: cycle.mode.clone(),
-                computed: output.mode.name().into(),
-            }));
-        }
-        Ok(None)
+            joint: String::new(),
+            what: "mode",
+            recorded: cycle.mode.clone(),
+            computed: output.mode.name().into(),
+        }));
     }
+    Ok(None)
 }
 
 /// A controller's memory in today's form, or in that of versions before it was split.

@@ -38,16 +38,19 @@
 //!   machine.
 //! - A run with too little in it is an error that says so, never an empty picture.
 
+mod balanced;
 mod canvas;
 mod driven;
 mod error;
 mod figures;
+mod numbers;
 mod page;
 mod paper;
 mod planned_step;
 mod run;
 mod tiles;
 
+pub use balanced::Balanced;
 pub use canvas::Image;
 pub use driven::{Driven, driven};
 pub use error::ReportError;

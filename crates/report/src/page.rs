@@ -3,8 +3,10 @@
 use gait::{Gait, JOINTS_PER_LEG, LEGS, StepSide};
 use serde_json::{Value, json};
 
+use crate::balanced::Way;
+use crate::numbers::{list, rounded};
 use crate::run::{STANDING_N, from};
-use crate::{ReportError, Sample, mean_absolute_torque_nm, mean_forward_speed_m_s, table_two};
+use crate::{Balanced, ReportError, Sample, mean_absolute_torque_nm, mean_forward_speed_m_s, table_two};
 
 const TEMPLATE: &str = include_str!("page.html");
 
@@ -32,6 +34,10 @@ pub struct PageRun<'a> {
     pub walking_to_s: f64,
     /// Whether base position, orientation and velocity in the samples are known.
     pub has_body: bool,
+    /// Whether they are the truth, and not the controller's estimate.
+    pub has_truth: bool,
+    /// What the balanced law saw and did, in the order of time; empty where the paper's law walked.
+    pub balanced: &'a [Balanced],
     /// Whether ground forces are known.
     pub has_ground: bool,
     /// Whether torques are known.
@@ -95,17 +101,6 @@ fn escaped(text: &str) -> String {
     text.replace('&', "&amp;").replace('<', "&lt;").replace('>', "&gt;").replace('"', "&quot;")
 }
 
-/// Enough digits for a screen.
-fn rounded(value: f64, step: f64) -> f64 {
-    let rounded = (value / step).round() * step;
-    // The multiplication leaves digits behind the last one that is meant.
-    format!("{rounded:.6}").parse().unwrap_or(rounded)
-}
-
-fn list(values: impl Iterator<Item = f64>, step: f64) -> Vec<Value> {
-    values.map(|value| json!(rounded(value, step))).collect()
-}
-
 fn run_data(run: &PageRun) -> Value {
     let samples = run.samples;
     let end_s = samples[samples.len() - 1].time_s;
@@ -157,6 +152,7 @@ fn run_data(run: &PageRun) -> Value {
         "speed": known(run.has_body, numbers(smooth(&forward), 0.001)),
         "force": known(run.has_ground, json!((0..LEGS).map(force).collect::<Vec<_>>())),
         "stance": stance,
+        "balance": Way { gait: run.gait, samples, balanced: run.balanced, has_truth: run.has_truth }.data(),
         "tracking_t": list(run.tracking_error.iter().map(|entry| entry.0), 0.001),
         "tracking": list(run.tracking_error.iter().map(|entry| entry.1), 0.0001),
         "events": run.events.iter().map(|(time, text)| json!([rounded(*time, 0.001), text])).collect::<Vec<_>>(),
@@ -299,6 +295,8 @@ mod tests {
             walking_from_s: 0.0,
             walking_to_s: 10.0,
             has_body: false,
+            has_truth: false,
+            balanced: &[],
             has_ground: false,
             has_torque: false,
             events,

@@ -20,6 +20,8 @@ pub const CONTROLLER_SNAPSHOT: &str = "controller_snapshot";
 pub const ROBOT_DESCRIPTION: &str = "robot_description";
 /// Where the base is.
 pub const ODOM: &str = "odom";
+/// Where the base truly is, where a simulation says so beside an estimate.
+pub const GROUND_TRUTH: &str = "ground_truth/odom";
 /// Forces on the toes, each below with its leg's name.
 pub const GROUND_FORCE: &str = "ground_force";
 

@@ -5,7 +5,7 @@ use crate::output;
 use crate::progress::Progress;
 use crate::robots::RobotArguments;
 use anyhow::{Result, bail};
-use replay::{BehaviourRun, read_run, skeleton};
+use replay::{BehaviourRun, read_balance, read_run, skeleton};
 use simulator::SimulatorOptions;
 use simulator::pictures::Studio;
 use std::path::{Path, PathBuf};
@@ -84,7 +84,8 @@ pub fn run(arguments: &Arguments) -> Result<ExitCode> {
         None => PathBuf::from("report.html"),
     };
     let mut page_runs = Vec::new();
-    for ((run, label), tiles) in runs.iter().zip(&labels).zip(&tiles) {
+    let balanced = balanced(arguments, &labels)?;
+    for (((run, label), tiles), balanced) in runs.iter().zip(&labels).zip(&tiles).zip(&balanced) {
         let shape = skeleton(run);
         if let Err(problem) = &shape {
             note(arguments, &format!("{label}: no animation: {problem}"))?;
@@ -99,6 +100,8 @@ pub fn run(arguments: &Arguments) -> Result<ExitCode> {
             walking_from_s: run.walking_from_s,
             walking_to_s: run.walking_to_s,
             has_body: run.has_body,
+            has_truth: run.has_truth,
+            balanced,
             has_ground: run.has_ground,
             has_torque: run.has_torque,
             events: &run.events,
@@ -113,11 +116,7 @@ pub fn run(arguments: &Arguments) -> Result<ExitCode> {
     let html = ::report::page(&title, made_now(), &page_runs)?;
     output::write_file(&page, html.as_bytes())?;
     drop(progress);
-    if arguments.json {
-        output::json(&serde_json::json!({ "file": page, "bytes": html.len() }))?;
-    } else {
-        say!("{}: {:.1} MB", output::shown(&page), html.len() as f64 * 1e-6)?;
-    }
+    written(arguments, &page, html.len())?;
     Ok(ExitCode::SUCCESS)
 }
 
@@ -125,6 +124,24 @@ fn made_now() -> ::report::Made<'static> {
     // A machine whose clock stands before 1970 has no date to tell.
     let at_s = SystemTime::now().duration_since(UNIX_EPOCH).map_or(0, |since| since.as_secs());
     ::report::Made { at_s, by: concat!("tandem ", env!("CARGO_PKG_VERSION")) }
+}
+
+fn written(arguments: &Arguments, page: &Path, bytes: usize) -> Result<()> {
+    if arguments.json {
+        output::json(&serde_json::json!({ "file": page, "bytes": bytes }))?;
+    } else {
+        say!("{}: {:.1} MB", output::shown(page), bytes as f64 * 1e-6)?;
+    }
+    Ok(())
+}
+
+/// What the balanced law saw and did, of each bag. A page of a bag that cannot be run again does without.
+fn balanced(arguments: &Arguments, labels: &[String]) -> Result<Vec<Vec<::report::Balanced>>> {
+    let of = |(bag, label): (&PathBuf, &String)| match read_balance(bag) {
+        Ok(balanced) => Ok(balanced),
+        Err(problem) => note(arguments, &format!("{label}: no estimate: {problem}")).map(|()| Vec::new()),
+    };
+    arguments.bags.iter().zip(labels).map(of).collect()
 }
 
 /// A remark: beside JSON objects on standard error.

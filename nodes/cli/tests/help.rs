@@ -44,6 +44,23 @@ fn json_lines(text: &str) -> Vec<Value> {
     text.lines().map(|line| serde_json::from_str(line).unwrap()).collect()
 }
 
+/// By the estimate, which is not recorded, beside the truth and what was asked for.
+fn its_page_shows_where_it_went(place: &Place) {
+    place.succeeds("tandem report balanced -o balanced.html --no-tiles");
+    let page = std::fs::read_to_string(place.path().join("balanced.html")).unwrap();
+    let data = page.split_once("id=\"data\">").unwrap().1.split_once("</script>").unwrap().0;
+    let data: Value = serde_json::from_str(data).unwrap();
+    let balance = &data["runs"][0]["balance"];
+    let number = |name: &str| balance[name].as_f64().unwrap_or(f64::NAN);
+    assert!(number("drift_m") < 0.1 && number("way_m") > 1.0, "{} {}", balance["drift_m"], balance["way_m"]);
+    assert!(number("hurried") >= 1.0 && number("fastest") > 1.05 && number("farthest_m") > 0.05);
+    let points =
+        |name: &str| balance[name].as_array().unwrap().iter().map(|list| list.as_array().unwrap().len()).collect();
+    let (ahead, asked): (Vec<usize>, Vec<usize>) = (points("ahead"), points("asked"));
+    let times = balance["t"].as_array().unwrap().len();
+    assert!(ahead == [times; 3] && asked[0] > times / 2, "{ahead:?} {asked:?}");
+}
+
 /// Width and duration were left open: others than the robot's own are chosen.
 fn is_called_stable(place: &Place, line: &str) {
     let gait = json_lines(&place.succeeds(&format!("{line} --json"))).remove(0);
@@ -92,6 +109,7 @@ fn does_what_it_says(place: &Place, line: &str) -> bool {
             let with = json_lines(&place.succeeds(&format!("{line} --json --seconds 12 --bag balanced")))[0].clone();
             assert!(with["upright"] == true && with["figures"]["turned_deg"].as_f64().unwrap() > 60.0, "{with}");
             assert!(place.succeeds("tandem bag verify balanced").contains("every command the same, to the bit"));
+            its_page_shows_where_it_went(place);
             let bare = line.split(" --velocity").next().unwrap().replace(" --balance", "");
             assert!(!place.run(&bare).status.success(), "the paper's law walks it too");
         }

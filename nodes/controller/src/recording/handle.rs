@@ -1,6 +1,6 @@
 //! The services' and publishers' end.
 
-use super::topics::{GROUND_FORCE, ODOM, TF, THINNED_NS, Thinning};
+use super::topics::{GROUND_FORCE, GROUND_TRUTH, ODOM, TF, THINNED_NS, Thinning};
 use control::PreparedGait;
 use gait::{Gait, LEGS};
 use ros::{Node, Qos, RosError};
@@ -136,9 +136,11 @@ impl Recording {
     /// The middleware's reason.
     pub fn listen(self: &Arc<Self>, node: &Node, leg_names: &[String; LEGS]) -> Result<(), RosError> {
         let thin = Thinning::new;
-        self.listen_to(node, ODOM, None, "odom", thin(THINNED_NS), |message: &Odometry| {
-            message.header.stamp.nanoseconds()
-        })?;
+        for topic in [ODOM, GROUND_TRUTH] {
+            self.listen_to(node, topic, None, topic, thin(THINNED_NS), |message: &Odometry| {
+                message.header.stamp.nanoseconds()
+            })?;
+        }
         for (leg, name) in leg_names.iter().enumerate() {
             let topic = format!("ground_force/{name}");
             self.listen_to(node, GROUND_FORCE, Some(leg), &topic, thin(THINNED_NS), |message: &WrenchStamped| {

@@ -22,6 +22,7 @@ impl Thinning {
 /// Time from one message of a thinned topic to the next, ns.
 pub const THINNED_NS: i64 = 10_000_000;
 pub(super) const ODOM: &str = "odom";
+pub(super) const GROUND_TRUTH: &str = "ground_truth/odom";
 pub(super) const GROUND_FORCE: &str = "ground_force";
 pub(super) const TF: &str = "tf";
 /// The topic of the node's own diagnostics in the bag.

@@ -2,7 +2,7 @@
 
 use super::cycle_log::{LoggedCycle, Shared};
 use super::handle::{Gaits, Order, RecordingStatus, lock};
-use super::topics::{GROUND_FORCE, IMU, ODOM, TF};
+use super::topics::{GROUND_FORCE, GROUND_TRUTH, IMU, ODOM, TF};
 use crate::record_root;
 use control::{Config, Input, PreparedGait, Snapshot};
 use gait::{Gait, LEGS};
@@ -229,7 +229,7 @@ impl Writer {
             None => {
                 let sensor = recorder::Qos::sensor(1);
                 let declared = match topic {
-                    ODOM => run.recorder.topic::<Odometry>(&name, sensor)?,
+                    ODOM | GROUND_TRUTH => run.recorder.topic::<Odometry>(&name, sensor)?,
                     GROUND_FORCE => run.recorder.topic::<WrenchStamped>(&name, sensor)?,
                     IMU => run.recorder.topic::<Imu>(&name, sensor)?,
                     TF => run.recorder.topic::<TFMessage>(&name, recorder::Qos::reliable(100))?,
