@@ -20,6 +20,8 @@ pub struct Bench {
     pub balanced: bool,
     pub quick: bool,
     pub watched: bool,
+    /// Whether each case that did not survive is told of.
+    pub tells_cases: bool,
     pub gaits: RefCell<BTreeMap<String, Gait>>,
 }
 
@@ -28,7 +30,7 @@ impl Bench {
     pub fn new() -> Self {
         let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../config/robots/vision60");
         let robot = Robot::load(&folder).unwrap_or_else(|error| fail(&error.to_string()));
-        Self { robot, balanced: true, quick: false, watched: true, gaits: RefCell::default() }
+        Self { robot, balanced: true, quick: false, watched: true, tells_cases: false, gaits: RefCell::default() }
     }
 
     /// A gait by name: a behaviour's, its frequency counting steps (`amble`) or strides (`amble/stride`), or the
@@ -59,7 +61,12 @@ impl Bench {
 
     /// One trial.
     pub fn run(&self, gait: &Gait, trial: Trial) -> Outcome {
-        let trial = Trial { balanced: self.balanced, watched: self.watched, ..trial };
+        self.run_with(gait, self.balanced, trial)
+    }
+
+    /// One trial of the balanced law or the paper's.
+    pub fn run_with(&self, gait: &Gait, balanced: bool, trial: Trial) -> Outcome {
+        let trial = Trial { balanced, watched: self.watched, ..trial };
         run(&self.robot, None, gait, &trial).unwrap_or_else(|error| fail(&error.to_string()))
     }
 
@@ -74,15 +81,31 @@ impl Bench {
                 continue;
             }
             of += 1;
-            match self.run(&gait, trial).ended {
+            match self.run(&gait, trial.clone()).ended {
                 None => survived += 1,
-                Some((_, why)) => *reasons.entry(why).or_default() += 1,
+                Some((at_s, why)) => {
+                    if self.tells_cases {
+                        println!("# {name} case {n}: {}: {why} after {at_s:.3} s", case(&gait, &trial));
+                    }
+                    *reasons.entry(why).or_default() += 1;
+                }
             }
         }
         let reasons: Vec<String> = reasons.iter().map(|(why, n)| format!("{n} × {why}")).collect();
         let comment = if reasons.is_empty() { String::new() } else { format!(" # {}", reasons.join(", ")) };
         println!("{name} = {survived}/{of}{comment}");
     }
+}
+
+/// What happens in a trial, in words.
+fn case(gait: &Gait, trial: &Trial) -> String {
+    let asked = trial.asked.first().map_or(0.0, |(_, velocity)| velocity.forward_m_s);
+    let push = |push: &Push| {
+        let [x, y, _] = push.force_n.map(|newtons| newtons * push.duration_s);
+        let steps = push.start_s / gait.step_duration_s;
+        format!(", pushed by ({x:.0}, {y:.0}) N s at {:.3} s, in step {steps:.2}", push.start_s)
+    };
+    format!("at {asked:.2} m/s{}", trial.pushes.iter().map(push).collect::<String>())
 }
 
 /// A velocity.
