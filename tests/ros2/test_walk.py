@@ -13,8 +13,8 @@ JOINTS = [
     for leg in ("front_left", "rear_left", "front_right", "rear_right")
     for joint in ("hip_roll", "hip_pitch", "knee")
 ]
-# The paper's Table II, MuJoCo: mean |knee torque|, Nm.
-KNEE_TORQUE_NM = {"gait1": 18.49, "amble": 19.03}
+# Mean |knee torque| of the same gaits in an independent MuJoCo program (docs/measurements/planning.md), Nm.
+KNEE_TORQUE_NM = {"gait1": 16.5, "amble": 16.69}
 
 
 def best_effort(depth=1000):
@@ -150,7 +150,7 @@ def test_a_gait_asked_for_over_the_service_walks_for_twenty_seconds(robot, name)
     assert list(gait.joint_names) == JOINTS
     assert len(gait.coefficients_rad) == len(gait.reference_coefficients_rad) == 72
     assert (list(gait.mirror_leg), list(gait.mirror_sign)) == ([2, 3, 0, 1], [-1.0, 1.0, 1.0])
-    asked = {"gait1": (1 / 2.5, 0.0), "amble": (1 / 2.83, 0.35)}[name]
+    asked = {"gait1": (0.5 / 2.5, 0.0), "amble": (0.5 / 2.83, 0.35)}[name]
     assert gait.step_duration_s == pytest.approx(asked[0], rel=0.0101), "within the planner's tolerance of 1 %"
     assert gait.step_length_m == pytest.approx(asked[1] * gait.step_duration_s, abs=1e-6)
     assert gait.solver.status == "converged" and 0 < gait.solver.iterations < 100
@@ -187,7 +187,7 @@ def test_a_gait_asked_for_over_the_service_walks_for_twenty_seconds(robot, name)
     knees = [torque for when, torques in robot.torques if when > began + 2 for torque in torques[2::3]]
     mean = sum(knees) / len(knees)
     print(f"{name}: {speed:.3f} m/s, mean |knee torque| {mean:.2f} Nm")
-    assert mean == pytest.approx(KNEE_TORQUE_NM[name], rel=0.12)
+    assert mean == pytest.approx(KNEE_TORQUE_NM[name], rel=0.05)
 
     robot.pause(False)
     robot.trigger("stop")

@@ -329,12 +329,12 @@ mod tests {
             let mirrored = if j % 3 == 0 { -torque[j + 6] } else { torque[j + 6] };
             assert!((torque[j] - mirrored).abs() < 1e-9, "{torque:?}");
         }
-        // By hand: a quarter of 38 kg on each toe, 0.157 m outside the roll axis, less thigh and shank, which hang
+        // By hand: a quarter of 38 kg on each toe, 0.217 m outside the roll axis, less thigh and shank, which hang
         // outside it themselves; and half the thigh's horizontal reach behind the knee.
         let leg_n = 38.0 * 9.81 / 4.0;
-        let roll_nm = leg_n * 0.157 - 9.81 * (2.525 + 0.375) * 0.1;
+        let roll_nm = leg_n * 0.217 - 9.81 * (2.525 + 0.375) * 0.14;
         assert!((torque[0].abs() - roll_nm).abs() < 1.0, "{torque:?}");
-        assert!((torque[2].abs() - leg_n * 0.34 * 0.97488_f64.cos()).abs() < 1.0, "{torque:?}");
+        assert!((torque[2].abs() - leg_n * 0.34 * 1.02839_f64.cos()).abs() < 1.0, "{torque:?}");
         assert!(torque[1].abs() < 6.0, "{torque:?}");
     }
 }

@@ -6,7 +6,7 @@ use common::balanced;
 use control::{BodyPose, BodyPoseAnswer, Config, Controller, Input, JointState, Mode, Output, Request, Snapshot};
 use std::time::Duration;
 
-const LOW: BodyPose = BodyPose { height_m: -0.06, roll_rad: 0.1, pitch_rad: -0.1, yaw_rad: 0.15 };
+const LOW: BodyPose = BodyPose { height_m: -0.05, roll_rad: 0.08, pitch_rad: -0.1, yaw_rad: 0.08 };
 
 /// A robot whose joints are always where they were commanded.
 struct Bench {

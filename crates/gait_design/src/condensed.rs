@@ -630,15 +630,15 @@ impl<'a> Along<'a> {
 #[cfg(all(test, target_arch = "x86_64"))]
 mod tests {
     use super::*;
-    use crate::tests::vision60;
-    use crate::{GaitRequest, ProgramSettings, guess, program_of};
+    use crate::tests::{as_steps, vision60};
+    use crate::{ProgramSettings, guess, program_of};
 
     #[test]
     fn wider_registers_give_the_same_step_to_the_bit() {
         assert!(std::arch::is_x86_feature_detected!("avx2"), "this processor has no AVX2: there is nothing to compare");
         let robot = vision60();
         for name in ["gait3", "amble"] {
-            let request = GaitRequest::named(name, &robot).unwrap();
+            let request = as_steps(name, &robot);
             let mut program = program_of(&robot, &request, ProgramSettings::default()).unwrap();
             let x = guess::nominal(&robot, &mut program, &request).unwrap();
             program.ask(&robot, &request);

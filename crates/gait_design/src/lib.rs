@@ -287,4 +287,6 @@ mod tests_edges;
 #[cfg(test)]
 mod tests_rear;
 #[cfg(test)]
+mod tests_replanning;
+#[cfg(test)]
 mod tests_stability;

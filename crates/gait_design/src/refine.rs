@@ -77,8 +77,8 @@ pub(crate) fn integral(s: f64) -> [f64; 3] {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::tests::{go_on, vision60};
-    use crate::{GaitRequest, PlanOptions, Planner};
+    use crate::tests::{as_steps, go_on, vision60};
+    use crate::{PlanOptions, Planner};
 
     /// A refusal is for what the plan breaks, and not for points that nobody asked for.
     #[test]
@@ -89,7 +89,7 @@ mod tests {
     #[test]
     fn a_solution_halved_twice_keeps_its_points_and_is_solved_in_few_iterations() {
         let robot = vision60();
-        let request = GaitRequest::named("amble", &robot).unwrap();
+        let request = as_steps("amble", &robot);
         let mut options = PlanOptions::default();
         let coarse = Planner::new(&robot).solve(&request, &options, go_on).unwrap();
         let fine = on_grid(coarse.x.clone(), 41).unwrap();

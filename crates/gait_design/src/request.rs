@@ -47,13 +47,15 @@ fn is_zero(value: &f64) -> bool {
     *value == 0.0
 }
 
-/// Table I of Ma & Ames 2020: name, frequency Hz, clearance m, speed m/s. Its frequencies count steps: T = 1 / f.
-const TABLE_I: [(&str, f64, f64, f64); 5] = [
-    ("gait1", 2.5, 0.11, 0.0),
-    ("gait2", 2.3, 0.12, 0.0),
-    ("gait3", 2.2, 0.15, 0.0),
-    ("gait4", 2.6, 0.13, 0.0),
-    ("amble", 2.83, 0.13, 0.35),
+/// Table I of Ma & Ames 2020: name, frequency Hz, clearance m, speed m/s. Its frequencies count strides: T = 1 / (2 f).
+/// Last, ours: the stance's half-width over the robot's nominal one. The amble needs a wider stance to be periodic
+/// (docs/planning.md, "Steps or strides").
+const TABLE_I: [(&str, f64, f64, f64, f64); 5] = [
+    ("gait1", 2.5, 0.11, 0.0, 1.0),
+    ("gait2", 2.3, 0.12, 0.0, 1.0),
+    ("gait3", 2.2, 0.15, 0.0, 1.0),
+    ("gait4", 2.6, 0.13, 0.0, 1.0),
+    ("amble", 2.83, 0.13, 0.35, 1.1),
 ];
 
 /// More points than any plan needs: its solve would take seconds.
@@ -108,7 +110,7 @@ pub enum RequestError {
 pub struct TableOne {
     /// Name of the behaviour.
     pub behaviour: &'static str,
-    /// Steps a second.
+    /// Strides (two steps) a second.
     pub frequency_hz: f64,
     /// Swing clearance, m.
     pub clearance_m: f64,
@@ -124,7 +126,7 @@ pub struct TableOne {
 pub fn table_one() -> [TableOne; 5] {
     const PAPER: [(u32, f64); 5] = [(96, 3.54), (122, 5.34), (98, 3.72), (46, 1.75), (147, 5.45)];
     std::array::from_fn(|i| {
-        let ((behaviour, frequency_hz, clearance_m, speed_m_s), (iterations, time_s)) = (TABLE_I[i], PAPER[i]);
+        let ((behaviour, frequency_hz, clearance_m, speed_m_s, _), (iterations, time_s)) = (TABLE_I[i], PAPER[i]);
         TableOne { behaviour, frequency_hz, clearance_m, speed_m_s, iterations, time_s }
     })
 }
@@ -140,17 +142,17 @@ impl GaitRequest {
 
     /// One of the five gaits of Table I, at the robot's nominal height, stance and torque bound.
     pub fn named(name: &str, robot: &Robot) -> Result<Self, RequestError> {
-        let &(behaviour, frequency_hz, clearance_m, speed_m_s) = TABLE_I
+        let &(behaviour, frequency_hz, clearance_m, speed_m_s, width) = TABLE_I
             .iter()
             .find(|row| row.0 == name)
             .ok_or_else(|| RequestError::UnknownBehaviour { name: name.into() })?;
         Ok(Self {
             behaviour: behaviour.into(),
-            step_duration_s: step_duration_from_step_frequency(frequency_hz),
+            step_duration_s: step_duration_from_stride_frequency(frequency_hz),
             clearance_m,
             speed_m_s,
             height_m: robot.nominal.height_m,
-            half_width_m: robot.nominal.half_width_m,
+            half_width_m: width * robot.nominal.half_width_m,
             slope_rad: 0.0,
             sideways_slope_rad: 0.0,
             torso_pitch_rad: 0.0,

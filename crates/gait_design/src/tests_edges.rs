@@ -2,7 +2,7 @@
 
 use super::*;
 use crate::library::{Axis, Entry, Field, Grid, Library, LibraryError};
-use crate::tests::{go_on, noise, vision60};
+use crate::tests::{as_steps, go_on, noise, vision60};
 
 /// Everything that a plan promises to keep, looked at in the full-order plan itself.
 pub(crate) fn keeps_its_limits(robot: &Robot, request: &GaitRequest, plan: &Plan) {
@@ -75,7 +75,7 @@ fn a_request_at_the_edge_gets_a_gait_or_the_nearest_that_works_and_what_binds() 
 #[test]
 fn a_step_too_long_for_the_legs_is_refused_by_its_length() {
     let robot = vision60();
-    let own = GaitRequest::named("amble", &robot).unwrap();
+    let own = as_steps("amble", &robot);
     let request = GaitRequest { speed_m_s: 1.2, step_duration_s: 0.6, height_m: 0.62, ..own };
     let e = plan(&robot, &request, &PlanOptions::default(), go_on).unwrap_err();
     assert!(matches!(e, PlanError::Unreachable(_)), "{e}");
@@ -100,7 +100,7 @@ fn a_valid_request_that_cannot_be_walked_names_the_binding_limit() {
 #[test]
 fn a_search_that_may_not_go_on_finds_nothing() {
     let robot = vision60();
-    let mut request = GaitRequest::named("gait1", &robot).unwrap();
+    let mut request = as_steps("gait1", &robot);
     request.speed_m_s = 3.0;
     assert_eq!(nearest(&robot, &request, &PlanOptions::default(), || false), None);
 }
@@ -109,7 +109,7 @@ fn a_search_that_may_not_go_on_finds_nothing() {
 fn from_a_hundred_random_starts_of_each_gait_ninety_nine_converge() {
     let robot = vision60();
     for name in behaviours() {
-        let request = GaitRequest::named(name, &robot).unwrap();
+        let request = as_steps(name, &robot);
         let mut program = program_of(&robot, &request, ProgramSettings::default()).unwrap();
         let nominal = guess::nominal(&robot, &mut program, &request).unwrap();
         let best = plan(&robot, &request, &PlanOptions::default(), go_on).unwrap().gait.solver.objective;
@@ -138,7 +138,7 @@ fn from_a_hundred_random_starts_of_each_gait_ninety_nine_converge() {
 #[test]
 fn any_odd_number_of_points_converges_to_nearly_the_same_gait() {
     let robot = vision60();
-    let request = GaitRequest::named("amble", &robot).unwrap();
+    let request = as_steps("amble", &robot);
     let mut options = PlanOptions::default();
     for (points, tolerance) in [(5, 0.1), (7, 0.05), (9, 0.02), (21, 0.02), (41, 0.02)] {
         options.program.points = points;
@@ -178,7 +178,7 @@ fn what_eleven_points_cannot_hold_is_solved_again_with_more_and_says_so() {
             clearance_m: between(0.03, 0.2),
             height_m: between(0.45, 0.62),
             half_width_m: between(0.19, 0.35),
-            ..GaitRequest::named("amble", &robot).unwrap()
+            ..as_steps("amble", &robot)
         };
         let plan = match plan(&robot, &request, &PlanOptions::default(), go_on) {
             Ok(plan) => plan,
@@ -209,7 +209,7 @@ fn a_step_whose_stance_hip_roll_is_no_polynomial_is_planned_and_followed() {
     for (step_duration_s, height_m, half_width_m, clearance_m, speed_m_s, slope_deg) in
         [(0.580, 0.549, 0.267, 0.142, 0.895, 6.671), (0.515, 0.566, 0.355, 0.097, 0.790, -0.741_f64)]
     {
-        let own = GaitRequest::named("amble", &robot).unwrap();
+        let own = as_steps("amble", &robot);
         let slope_rad = slope_deg.to_radians();
         let request = GaitRequest { step_duration_s, height_m, half_width_m, clearance_m, speed_m_s, slope_rad, ..own };
         let plan = plan(&robot, &request, &PlanOptions::default(), go_on).unwrap();
@@ -224,7 +224,7 @@ fn a_step_whose_stance_hip_roll_is_no_polynomial_is_planned_and_followed() {
 }
 
 fn small_grid(robot: &Robot) -> Grid {
-    let base = GaitRequest::named("amble", robot).unwrap();
+    let base = as_steps("amble", robot);
     let axes = vec![
         Axis { field: Field::ClearanceM, values: vec![0.08, 0.10] },
         Axis { field: Field::SpeedMS, values: vec![0.1, 0.2, 0.3, 0.4] },
@@ -342,7 +342,7 @@ fn a_damaged_library_is_refused_with_one_error_that_names_the_line() {
 #[test]
 fn a_grid_that_cannot_be_meant_is_refused() {
     let robot = vision60();
-    let base = GaitRequest::named("amble", &robot).unwrap();
+    let base = as_steps("amble", &robot);
     let axis = |field, values: &[f64]| Axis { field, values: values.to_vec() };
     for (axes, expected) in [
         (vec![], "no axis"),
@@ -362,7 +362,7 @@ fn a_grid_that_cannot_be_meant_is_refused() {
 #[test]
 fn long_steps_of_the_full_order_program_keep_to_the_stance_rolls_polynomials() {
     let robot = vision60();
-    let mut request = GaitRequest::named("amble", &robot).unwrap();
+    let mut request = as_steps("amble", &robot);
     request.step_duration_s = step_duration_from_step_frequency(2.2);
     request.sideways_slope_rad = 4_f64.to_radians();
     request.speed_m_s = 0.37;
@@ -385,7 +385,7 @@ fn a_request_whose_last_gains_stall_is_planned_and_called_acceptable() {
         clearance_m: 0.10135844276147697,
         speed_m_s: -0.47475349322510274,
         slope_rad: 0.927201981425279_f64.to_radians(),
-        ..GaitRequest::named("amble", &robot).unwrap()
+        ..as_steps("amble", &robot)
     };
     let options = PlanOptions::default();
     let coarse = Planner::new(&robot).solve(&request, &options, go_on).unwrap();

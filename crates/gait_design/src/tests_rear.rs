@@ -1,7 +1,7 @@
 //! Rear legs that are not the front ones' images: the Vision 60 with others.
 
 use super::*;
-use crate::tests::{go_on, vision60};
+use crate::tests::{as_steps, go_on, vision60};
 use crate::tests_edges::keeps_its_limits;
 
 const TOML: &str = include_str!("../../../config/robots/vision60/robot.toml");
@@ -33,7 +33,7 @@ fn rear_legs_whose_knees_have_another_zero_walk_as_the_front_ones_do() {
     let angle_rad = 0.6;
     let robot = with_rear(
         |leg| {
-            let leg = swap(leg, "1.95115]", &format!("{}]", 1.95115 - angle_rad));
+            let leg = swap(leg, "2.05802]", &format!("{}]", 2.05802 - angle_rad));
             swap(&swap(&leg, "0.25]", &format!("{}]", 0.25 - angle_rad)), "2.9]", &format!("{}]", 2.9 - angle_rad))
         },
         |knee| {
@@ -43,9 +43,8 @@ fn rear_legs_whose_knees_have_another_zero_walk_as_the_front_ones_do() {
     );
     let plain = vision60();
     for name in ["gait1", "amble"] {
-        let [a, b] = [&plain, &robot].map(|robot| {
-            plan(robot, &GaitRequest::named(name, robot).unwrap(), &PlanOptions::default(), go_on).unwrap().gait
-        });
+        let [a, b] = [&plain, &robot]
+            .map(|robot| plan(robot, &as_steps(name, robot), &PlanOptions::default(), go_on).unwrap().gait);
         for j in 0..12 {
             let offset_rad = if [5, 11].contains(&j) { angle_rad } else { 0.0 };
             for (x, y) in a.coefficients_rad[j].into_iter().zip(b.coefficients_rad[j]) {
@@ -59,12 +58,12 @@ fn rear_legs_whose_knees_have_another_zero_walk_as_the_front_ones_do() {
 fn knees_that_point_apart_are_planned_by_the_full_order_program() {
     let robot = with_rear(
         |leg| {
-            let leg = swap(&swap(leg, "0.97488, 1.95115]", "2.16671, -1.95115]"), "-0.3, 0.25]", "0.9, -2.9]");
+            let leg = swap(&swap(leg, "1.02839, 2.05802]", "2.11320, -2.05802]"), "-0.3, 0.25]", "0.9, -2.9]");
             swap(&leg, "2.2, 2.9]", "3.4, -0.25]")
         },
         |knee| swap(knee, "lower=\"0\" upper=\"3.14159265\"", "lower=\"-3.14159265\" upper=\"0\""),
     );
-    let request = GaitRequest::named("amble", &robot).unwrap();
+    let request = as_steps("amble", &robot);
     // Between 11 points the simulated step is 3 mrad off the planned joints.
     let mut options = PlanOptions::default();
     options.program.points = 21;

@@ -2,7 +2,7 @@
 //! constrained dynamics in all 36 coordinates and matrix exponentials.
 
 use crate::stability::{mirror, stability_in_parts, touchdown};
-use crate::tests::{go_on, vision60};
+use crate::tests::{as_steps, go_on, vision60};
 use crate::verification::step_of;
 use crate::*;
 use decomposition::ContactDynamics;
@@ -76,7 +76,7 @@ fn multipliers_are_exact_to_1e_5_against_a_fine_reference_of_another_make() {
     let robot = vision60();
     for name in behaviours() {
         for half_width_m in [0.25, 0.31] {
-            let request = GaitRequest { half_width_m, ..GaitRequest::named(name, &robot).unwrap() };
+            let request = GaitRequest { half_width_m, ..as_steps(name, &robot) };
             let coarse = plan(&robot, &request, &PlanOptions::default(), go_on).unwrap();
             let found = stability(&robot, &coarse.gait, &coarse.points, &[]).unwrap().spectral_radius();
             let parts = stability_in_parts(&robot, &coarse.gait, &coarse.points, &[], 48).unwrap().spectral_radius();
@@ -118,7 +118,7 @@ fn a_gait_that_skims_the_floor_before_it_lands_is_not_called_stable() {
         (true, 0.273, 0.295, 0.483, 0.073, -0.42),
         (true, 0.245, 0.308, 0.507, 0.058, -0.27),
     ] {
-        let own = GaitRequest::named("amble", &robot).unwrap();
+        let own = as_steps("amble", &robot);
         let request = GaitRequest { step_duration_s, half_width_m, height_m, clearance_m, speed_m_s, ..own };
         let certificate = plan(&robot, &request, &PlanOptions::default(), go_on).unwrap().gait.certificate.unwrap();
         println!("{request:?}: {certificate:?}");
@@ -131,7 +131,7 @@ fn a_gait_that_skims_the_floor_before_it_lands_is_not_called_stable() {
 fn open_durations_and_widths_are_chosen_for_the_smallest_multiplier_and_all_else_is_kept() {
     let robot = vision60();
     for name in ["gait1", "gait3", "amble"] {
-        let own = GaitRequest::named(name, &robot).unwrap();
+        let own = as_steps(name, &robot);
         let options = PlanOptions::default();
         let multiplier = |plan: &Plan| plan.gait.certificate.unwrap().largest_multiplier;
         let before = multiplier(&plan(&robot, &own, &options, go_on).unwrap());
@@ -165,7 +165,7 @@ fn open_durations_and_widths_are_chosen_for_the_smallest_multiplier_and_all_else
 #[test]
 fn a_step_that_is_not_finite_is_an_error_and_not_a_search_for_eigenvalues_without_end() {
     let robot = vision60();
-    let request = GaitRequest::named("amble", &robot).unwrap();
+    let request = as_steps("amble", &robot);
     let mut plan = plan(&robot, &request, &PlanOptions::default(), go_on).unwrap();
     plan.gait.gains.kp = [1e300; 12];
     let error = stability(&robot, &plan.gait, &plan.points, &plan.second_points).unwrap_err();

@@ -91,7 +91,7 @@ fn numbers_out_of_range() {
         ("leg = [2, 3, 0, 1]", "leg = [2, 3, 1, 0]", "mirror.leg"),
         ("leg = [2, 3, 0, 1]", "leg = [2, 9, 0, 1]", "mirror.leg"),
         ("position_min_rad = [-0.43", "position_min_rad = [0.44", "position_max_rad[0]"),
-        ("stand_rad = [0.10700, 0.97488", "stand_rad = [0.10700, 2.940", "stand_rad[1]"),
+        ("stand_rad = [0.21036, 1.02839", "stand_rad = [0.21036, 2.940", "stand_rad[1]"),
         ("name = \"vision60\"", "name = \"../vision60\"", "name"),
     ] {
         assert_says(toml_error(from, to), &[field, "expected"]);

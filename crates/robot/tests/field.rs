@@ -118,7 +118,7 @@ fn a_locked_joint_stays_where_it_is_locked() {
 
 #[test]
 fn degrees_are_refused() {
-    let toml = swap(TOML, "stand_rad = [0.10700, 0.97488, 1.95115]", "stand_rad = [6.13, 55.86, 111.8]");
+    let toml = swap(TOML, "stand_rad = [0.21036, 1.02839, 2.05802]", "stand_rad = [6.13, 55.86, 111.8]");
     assert_refused(&toml, URDF, &["stand_rad[1]", "55.86", "degrees"]);
     let toml = swap(TOML, "position_max_rad = [0.43, 2.2, 2.9]", "position_max_rad = [24.6, 126.0, 166.0]");
     assert_refused(&toml, URDF, &["position_max_rad[0]", "24.6", "degrees"]);
@@ -162,7 +162,7 @@ fn legs_in_the_wrong_order_are_refused_by_place() {
 #[test]
 fn a_posture_that_is_not_the_nominal_one_is_refused_with_both_values() {
     assert_refused(&swap(TOML, "height_m = 0.55", "height_m = 0.45"), URDF, &["height_m", "0.45", "0.55"]);
-    assert_refused(&swap(TOML, "half_width_m = 0.25", "half_width_m = 0.15"), URDF, &["half_width_m", "0.15", "0.25"]);
+    assert_refused(&swap(TOML, "half_width_m = 0.31", "half_width_m = 0.15"), URDF, &["half_width_m", "0.15", "0.31"]);
 }
 
 #[test]
@@ -230,7 +230,7 @@ fn rear_knees_turned_by(angle_rad: f64) -> (String, String) {
     for leg in ["rear_left", "rear_right"] {
         let at = toml.find(&format!("name = \"{leg}\"")).expect("the leg");
         let (head, tail) = toml.split_at(at);
-        toml = format!("{head}{}", tail.replacen("1.95115]", &format!("{}]", 1.95115 - angle_rad), 1));
+        toml = format!("{head}{}", tail.replacen("2.05802]", &format!("{}]", 2.05802 - angle_rad), 1));
     }
     (toml, urdf)
 }
@@ -249,7 +249,7 @@ fn rear_legs_with_another_zero_are_paired_by_the_standing_posture() {
 fn knees_that_point_apart_cannot_be_paired_and_the_reason_is_given() {
     let mut legs: Vec<String> = TOML.split("[[legs]]").map(str::to_owned).collect();
     for leg in [2, 4] {
-        legs[leg] = swap(&legs[leg], "0.97488, 1.95115]", "2.16671, -1.95115]")
+        legs[leg] = swap(&legs[leg], "1.02839, 2.05802]", "2.11320, -2.05802]")
             .replace("-0.3, 0.25]", "0.9, -2.9]")
             .replace("2.2, 2.9]", "3.4, -0.25]");
     }

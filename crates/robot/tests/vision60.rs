@@ -17,7 +17,7 @@ fn has_the_published_numbers() {
     assert_eq!(robot.model.dof(), 18);
     assert_eq!(robot.joint_names()[4], "rear_left_hip_pitch");
     assert_eq!(robot.model.joint_names()[6..], robot.joint_names());
-    assert_eq!(robot.stand_rad()[9..], [-0.107, 0.97488, 1.95115]);
+    assert_eq!(robot.stand_rad()[9..], [-0.21036, 1.02839, 2.05802]);
 }
 
 #[test]

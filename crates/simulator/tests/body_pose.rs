@@ -35,9 +35,9 @@ fn the_body_goes_where_it_is_asked_over_feet_that_stay() {
     let (mut worst_rad, mut worst_m, mut slid_m) = (0.0_f64, 0.0_f64, 0.0_f64);
     for corner in 0..16 {
         let sign = |bit: usize| if corner >> bit & 1 == 1 { 1.0 } else { -1.0 };
-        let height = if corner & 8 == 8 { 0.03 } else { -0.08 };
+        let height = if corner & 8 == 8 { 0.03 } else { -0.05 };
         let asked =
-            BodyPose { height_m: height, roll_rad: 0.15 * sign(0), pitch_rad: 0.12 * sign(1), yaw_rad: 0.15 * sign(2) };
+            BodyPose { height_m: height, roll_rad: 0.1 * sign(0), pitch_rad: 0.12 * sign(1), yaw_rad: 0.08 * sign(2) };
         day.body_pose = Some(asked);
         day.run(3.0);
         let (tilt, now_m) = height_and_tilt(&day);

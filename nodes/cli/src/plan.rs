@@ -214,7 +214,7 @@ fn table(arguments: &Arguments, robot: &robot::Robot) -> Result<()> {
     if !arguments.json {
         say!("          Table I of the paper                                  here, {}", robot.name)?;
         say!(
-            "gait      steps/s  clearance m  speed m/s  iterations  time s  iterations  time ms      cost  violation  multiplier"
+            "gait      strides/s  clearance m  speed m/s  iterations  time s  iterations  time ms      cost  violation  multiplier"
         )?;
     }
     let (mut paper_s, mut ours_s) = (0.0, 0.0);
@@ -231,7 +231,7 @@ fn table(arguments: &Arguments, robot: &robot::Robot) -> Result<()> {
         let solver = &gait.solver;
         if arguments.json {
             output::json(&serde_json::json!({
-                "gait": row.behaviour, "steps_per_s": row.frequency_hz, "clearance_m": row.clearance_m,
+                "gait": row.behaviour, "strides_per_s": row.frequency_hz, "clearance_m": row.clearance_m,
                 "speed_m_s": row.speed_m_s, "paper_iterations": row.iterations, "paper_time_s": row.time_s,
                 "iterations": solver.iterations, "time_s": solver.solve_time_s, "cost": solver.objective,
                 "violation": solver.max_violation, "certificate": gait.certificate,

@@ -198,8 +198,10 @@ fn a_program_that_stands_elsewhere_finds_mujoco_and_the_robots_of_its_clone() {
 #[test]
 fn a_plan_that_eleven_points_cannot_hold_says_how_many_it_took_and_is_verified() {
     let place = Place::new();
-    let summary: Value =
-        serde_json::from_str(&place.succeeds("tandem plan amble --speed 0.5 --verify --json")).unwrap();
+    let summary: Value = serde_json::from_str(
+        &place.succeeds("tandem plan amble --step-frequency 2.83 --half-width 0.25 --speed 0.5 --verify --json"),
+    )
+    .unwrap();
     assert_eq!(summary["points"], 21, "{summary}");
     assert_eq!(summary["verified"][0]["follows_plan"], true, "{summary}");
     assert_eq!(summary["verified"][0]["between_points"]["kept"], true, "{summary}");

@@ -33,17 +33,18 @@ impl Bench {
         Self { robot, balanced: true, quick: false, watched: true, tells_cases: false, gaits: RefCell::default() }
     }
 
-    /// A gait by name: a behaviour's, its frequency counting steps (`amble`) or strides (`amble/stride`), or the
-    /// wide and quick amble that is the best base for driving (`wide`).
+    /// A gait by name: a behaviour's own (`amble`), or its frequency counting steps at a half-width of 0.25 m
+    /// (`amble/step`), or a slower amble at 0.28 m that is a good base for driving (`wide`).
     pub fn gait(&self, name: &str) -> Gait {
         if let Some(gait) = self.gaits.borrow().get(name) {
             return gait.clone();
         }
-        let (behaviour, reading) = name.split_once('/').unwrap_or((name, "step"));
+        let (behaviour, reading) = name.split_once('/').unwrap_or((name, "stride"));
         let behaviour = if behaviour == "wide" { "amble" } else { behaviour };
         let mut request = GaitRequest::named(behaviour, &self.robot).unwrap_or_else(|error| fail(&error.to_string()));
-        if reading == "stride" {
-            request.step_duration_s *= 0.5;
+        if reading == "step" {
+            request.step_duration_s *= 2.0;
+            request.half_width_m = 0.25;
         }
         if name == "wide" {
             (request.step_duration_s, request.half_width_m, request.clearance_m) = (0.24, 0.28, 0.1);
@@ -56,7 +57,7 @@ impl Bench {
 
     /// The five behaviours in both readings.
     pub fn all_gaits(&self) -> Vec<String> {
-        ["", "/stride"].iter().flat_map(|reading| BEHAVIOURS.map(|name| format!("{name}{reading}"))).collect()
+        ["/step", ""].iter().flat_map(|reading| BEHAVIOURS.map(|name| format!("{name}{reading}"))).collect()
     }
 
     /// One trial.

@@ -53,7 +53,7 @@ pub fn driving(bench: &Bench) {
     ];
     const SETTLED_S: f64 = 1.2;
     let seconds = 39.0;
-    for name in ["amble", "amble/stride", "gait1", "wide"] {
+    for name in ["amble/step", "amble", "gait1", "wide"] {
         let gait = bench.gait(name);
         let mut errors = Vec::new();
         for seed in 0..2 {
@@ -116,7 +116,7 @@ pub fn eight(bench: &Bench) {
     ];
     let seconds = 40.0;
     let [x, y] = ideal(&asked, seconds);
-    for name in ["amble", "amble/stride", "gait1", "wide"] {
+    for name in ["amble/step", "amble", "gait1", "wide"] {
         let gait = bench.gait(name);
         for seed in 0..2 {
             let mut trial = Trial { seconds, asked: asked.clone(), ..Trial::default() };

@@ -5,7 +5,7 @@ use gait::Gait;
 use tandem_sim_bridge::simulator::{Push, Random, SimulatorOptions, Terrain};
 use tandem_sim_bridge::trial::Trial;
 
-const GAITS: [&str; 3] = ["amble", "amble/stride", "wide"];
+const GAITS: [&str; 3] = ["amble/step", "amble", "wide"];
 
 /// Trials on `terrain` of all gaits at `asked` speeds ahead, with `seeds` each.
 fn on(bench: &Bench, terrain: Terrain, asked: &[f64], seeds: u64, seconds: f64) -> Vec<(Gait, Trial)> {

@@ -45,7 +45,7 @@ pub fn variations(bench: &Bench) {
     for (name, variation, friction) in cases {
         for impulse_n_s in [40.0, 60.0] {
             let mut trials = Vec::new();
-            for gait in ["amble", "amble/stride"] {
+            for gait in ["amble/step", "amble"] {
                 let gait = bench.gait(gait);
                 let simulator = SimulatorOptions { variation, friction, ..Trial::default().simulator };
                 let base = Trial { simulator, ..Trial::default() };
@@ -57,7 +57,7 @@ pub fn variations(bench: &Bench) {
 }
 
 pub fn delay(bench: &Bench) {
-    for name in ["amble", "amble/stride", "wide"] {
+    for name in ["amble/step", "amble", "wide"] {
         let gait = bench.gait(name);
         for delay_cycles in [0, 2, 3, 4, 6] {
             let base = Trial { delay_cycles, ..Trial::default() };
