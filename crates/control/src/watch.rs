@@ -56,7 +56,7 @@ impl Found {
     }
 
     pub fn reports(&self) -> impl Iterator<Item = FaultReport> {
-        self.reports.into_iter().flatten()
+        self.reports[..self.count].iter().flatten().copied()
     }
 
     fn means_damping(&self) -> bool {

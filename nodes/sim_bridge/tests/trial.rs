@@ -40,6 +40,20 @@ fn pushes_that_topple_the_bare_law_are_caught() {
     assert!(PUSHED_AT.iter().any(|&(_, at_s)| !pushed(40.0, 1.0, at_s, &bare).survived()));
 }
 
+/// The place that it holds is where it came to rest, not where it still went on.
+#[test]
+fn a_robot_that_is_told_to_stand_still_does_not_walk_back() {
+    let asked = vec![ahead(0.35)[0], (3.0, Velocity::default())];
+    let outcome = walked(&Trial { seconds: 10.0, asked, ..Trial::default() });
+    assert!(outcome.survived(), "{:?}", outcome.ended);
+    let after = || outcome.samples.iter().filter(|sample| sample.time_s > 3.0);
+    let slowest_m_s = after().map(|sample| sample.velocity[0]).fold(0.0, f64::min);
+    let farthest_m = after().map(|sample| sample.position_m[0]).fold(0.0, f64::max);
+    let back_m = farthest_m - outcome.samples.last().unwrap().position_m[0];
+    println!("at least {slowest_m_s:.3} m/s, {back_m:.3} m back");
+    assert!(slowest_m_s > -0.1 && back_m < 0.05, "{slowest_m_s} m/s, {back_m} m back");
+}
+
 /// What is thrown so hard that joints leave what the robot may do is damped by a fault with a name, and not walked on.
 #[test]
 fn what_cannot_be_caught_ends_in_a_named_fault() {

@@ -49,6 +49,8 @@ impl VelocityCommand {
 
 /// The speed's error is filtered over this, s: the sway within a step is none.
 const SPEED_FILTER_S: f64 = 0.35;
+/// Of an error beyond this the integral counts no more, m/s: a push is over before the integral could mend it.
+const LASTING_M_S: f64 = 0.1;
 /// Largest share of the speed limits that the integral may add.
 const INTEGRAL_M_S: [f64; 2] = [0.25, 0.15];
 /// Largest turning that corrects the heading, rad/s, and largest heading error that is remembered, rad.
@@ -56,6 +58,9 @@ const HEADING_LIMIT: f64 = 0.5;
 /// Largest velocities that hold a place, m/s, and the farthest place that is remembered, m.
 const HOLD_M_S: [f64; 2] = [0.2, 0.15];
 const HOLD_M: f64 = 0.5;
+/// A place is held from where the robot has become slower than this, m/s: one that is taken while it still goes on is
+/// gone back to.
+const HOLD_BELOW_M_S: f64 = 0.05;
 /// Slower than this is at rest, m/s; or turning, rad/s.
 const REST_M_S: f64 = 1e-3;
 
@@ -121,13 +126,13 @@ impl Drive {
         self.yaw_rad_s += (turning - self.yaw_rad_s).clamp(-most, most);
         // Place.
         let mut wanted = asked_velocity;
-        if asked_velocity.iter().all(|v| v.abs() < REST_M_S) {
+        if asked_velocity.iter().any(|v| v.abs() >= REST_M_S) {
+            self.held_m = None;
+        } else if self.held_m.is_some() || self.is_slow() {
             let correction = to_heading(self.away_from_held_place(estimate)).map(|d| config.position_gain_s * d);
             for axis in 0..2 {
                 wanted[axis] += correction[axis].clamp(-HOLD_M_S[axis], HOLD_M_S[axis]);
             }
-        } else {
-            self.held_m = None;
         }
         // Speed.
         let [vx, vy, _] = estimate.velocity_m_s();
@@ -136,10 +141,16 @@ impl Drive {
         for axis in 0..2 {
             let error = measured[axis] - self.velocity[axis];
             self.filtered[axis] += dt_s / SPEED_FILTER_S * (error - self.filtered[axis]);
-            let integral = self.integral[axis] - dt_s * config.speed_integral_rate_s * self.filtered[axis];
+            let lasting = self.filtered[axis].clamp(-LASTING_M_S, LASTING_M_S);
+            let integral = self.integral[axis] - dt_s * config.speed_integral_rate_s * lasting;
             self.integral[axis] = integral.clamp(-INTEGRAL_M_S[axis], INTEGRAL_M_S[axis]);
             self.velocity[axis] += (wanted[axis] - self.velocity[axis]).clamp(-most, most);
         }
+    }
+
+    /// Whether the robot hardly moves, its sway within a step left out.
+    fn is_slow(&self) -> bool {
+        (0..2).all(|axis| (self.velocity[axis] + self.filtered[axis]).abs() < HOLD_BELOW_M_S)
     }
 
     /// From the robot to the place that is held, m, world; the place follows a robot that was carried away.
