@@ -464,10 +464,10 @@ pub(crate) fn chart<'a, 'b>(
     Ok(chart)
 }
 
+/// By segments: joined at a touchdown's sharp turn, a wide line grows a spike far out of the plot.
 pub(crate) fn line(chart: &mut Chart, points: &[(f64, f64)], colour: RGBAColor, width: f64) -> Result<(), ReportError> {
-    let stroke = (width * f64::from(px(1))).round() as u32;
-    chart.draw_series(LineSeries::new(points.iter().copied(), colour.stroke_width(stroke))).map_err(drawing)?;
-    Ok(())
+    let style = colour.stroke_width((width * f64::from(px(1))).round() as u32);
+    chart.draw_series(points.windows(2).map(|ends| PathElement::new(ends.to_vec(), style))).map(|_| ()).map_err(drawing)
 }
 
 /// Title, note and legend on top of a picture; gives the area below them.

@@ -23,15 +23,26 @@ fn standing(shelf: &Shelf) -> Day {
     day
 }
 
+/// Feet that were dragged apart while the robot stood up are strained: the first moves let them slip (one by 4 cm,
+/// which turns the body by 0.04 rad). From then on they stay.
+fn eased(shelf: &Shelf) -> Day {
+    let mut day = standing(shelf);
+    for (roll_rad, yaw_rad) in [(-0.1, -0.08), (0.1, 0.08), (0.0, 0.0)] {
+        day.body_pose = Some(BodyPose { roll_rad, yaw_rad, ..BodyPose::default() });
+        day.run(3.0);
+    }
+    day
+}
+
 /// Every corner of the range: the body is where it was asked to be, within what the gains give way by, and no foot has
 /// moved by more than its sphere rolls.
 #[test]
 fn the_body_goes_where_it_is_asked_over_feet_that_stay() {
     let shelf = Shelf::new();
-    let mut day = standing(&shelf);
+    let mut day = eased(&shelf);
     let (level, height_m) = height_and_tilt(&day);
     // The simulator's soft contacts let standing feet creep, by 2 cm in this time: beside a robot that only stands.
-    let mut still = standing(&shelf);
+    let mut still = eased(&shelf);
     let (mut worst_rad, mut worst_m, mut slid_m) = (0.0_f64, 0.0_f64, 0.0_f64);
     for corner in 0..16 {
         let sign = |bit: usize| if corner >> bit & 1 == 1 { 1.0 } else { -1.0 };

@@ -268,8 +268,7 @@ impl Day {
             let state = self.state()?;
             let names: Vec<&str> = state.fault.split(',').filter(|name| !name.is_empty()).collect();
             for name in &names {
-                // One that was cleared meanwhile is refused.
-                let _ = self.clear.call(ClearFaultRequest { name: (*name).into() }, PATIENCE)?;
+                let _ = self.clear.call(ClearFaultRequest { name: (*name).into() }, PATIENCE)?; // refused if cleared
             }
             quiet = if names.is_empty() { quiet + 1 } else { 0 };
             std::thread::sleep(50 * MS);
@@ -434,6 +433,7 @@ impl Day {
     fn run(mut self, seconds: f64, second: u32, long: bool) -> Result<(), Failure> {
         self.plan()?;
         self.start_walking()?;
+        self.walks_on(2.0, "a walk that grows out of standing")?;
         let x = |day: &Self| lock(&day.received).odometry.as_ref().map_or(0.0, |o| o.pose.pose.position.x);
         let (from_x, from_ns) = (x(&self), self.simulated_ns()?);
         self.walks_on(seconds, "nothing")?;
