@@ -88,7 +88,7 @@ def test_nothing_comes_of(pair, name):
     memory, tasks = resident_bytes(pid), threads(pid)
     for port in pair.ports:
         pair.send(*DATAGRAMS[name])
-    time.sleep(1.2)
+    time.sleep(1.0)
     assert pair.node.alive(), pair.node.text()[-3000:]
     grown = resident_bytes(pid) - memory
     assert grown < GROWTH_BYTES and threads(pid) >= tasks and "panicked" not in pair.node.text(), (grown, pair.node.text()[-3000:])
@@ -177,7 +177,7 @@ def test_a_publisher_that_goes_on_sending_has_not_ended_whatever_others_send(pro
     captured = []
     listening = threading.Thread(target=lambda: captured.extend(rtps.capture(6, set(ports))))
     listening.start()
-    talk(8)
+    talk(6.5)
     listening.join()
     mine = {port for ports in rtps.listens([os.getpid()]).values() for port in ports}
     known = rtps.Known([datagram for datagram in captured if datagram[0] in mine], rtps.FAST_DDS)
@@ -189,7 +189,7 @@ def test_a_publisher_that_goes_on_sending_has_not_ended_whatever_others_send(pro
         number = 1000 + count  # no gap before it, or it would wait for what is missing
         return rtps.message(asker, rtps.gap(READER, WRITER, 1, number), rtps.disposal(READER, WRITER, number, 0x5A, asker + entity))
 
-    sent, taken = talk(8, attack=end)
+    sent, taken = talk(6, attack=end)
     print(f"{taken} of {sent} states were taken while their publisher was reported gone")
     assert taken >= 0.98 * sent, "they are received all the while"
     client.close()

@@ -13,7 +13,7 @@ from test_walk import Robot
 
 SECONDS = float(os.environ.get("TANDEM_FLOOD_SECONDS", "60"))
 RATE, SEED = 2000, int(os.environ.get("TANDEM_FLOOD_SEED", "1"))
-CALM_SECONDS = 10
+CALM_SECONDS = 6
 GROWTH_MB = 20
 # Where two processors are shared with the physics, the generator and the test, a wake is late now and then without any
 # fault: of so many cycles more than in calm one may be missed.
