@@ -41,8 +41,8 @@ fn the_body_goes_where_it_is_asked_over_feet_that_stay() {
     let shelf = Shelf::new();
     let mut day = eased(&shelf);
     let (level, height_m) = height_and_tilt(&day);
-    // The simulator's soft contacts let standing feet creep, by 2 cm in this time, and the body sinks with them: beside a
-    // robot that only stands.
+    // The simulator's soft contacts let standing feet creep, by 2 cm in this time, and the body sinks with them: beside
+    // a robot that only stands.
     let mut still = eased(&shelf);
     let (mut worst_rad, mut worst_m, mut slid_m) = (0.0_f64, 0.0_f64, 0.0_f64);
     for corner in 0..16 {
