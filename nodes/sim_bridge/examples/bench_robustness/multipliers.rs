@@ -1,6 +1,6 @@
 //! How fast a small disturbance grows or shrinks under either law, beside the certificate's multiplier.
 
-use super::cases::{BEHAVIOURS, Bench, own_speed, velocity};
+use super::cases::{Bench, own_speed, velocity};
 use gait::Gait;
 use tandem_sim_bridge::simulator::Push;
 use tandem_sim_bridge::trial::{Noise, Outcome, Sample, Trial};
@@ -91,8 +91,7 @@ fn worst(bench: &Bench, gait: &Gait, balanced: bool) -> Option<f64> {
 }
 
 pub fn multipliers(bench: &Bench) {
-    let names = ["", "/stride"].iter().flat_map(|reading| BEHAVIOURS.map(|name| format!("{name}{reading}")));
-    for name in names.chain(["wide".to_owned()]) {
+    for name in bench.all_gaits().into_iter().chain(["wide".to_owned()]) {
         let gait = bench.gait(&name);
         let shown = |factor: Option<f64>| factor.map_or("none".to_owned(), |factor| format!("{factor:.2}"));
         println!(
