@@ -49,8 +49,6 @@ impl VelocityCommand {
 
 /// The speed's error is filtered over this, s: the sway within a step is none.
 const SPEED_FILTER_S: f64 = 0.35;
-/// Of an error beyond this the integral counts no more, m/s: a push is over before the integral could mend it.
-const LASTING_M_S: f64 = 0.1;
 /// Largest share of the speed limits that the integral may add.
 const INTEGRAL_M_S: [f64; 2] = [0.25, 0.15];
 /// Largest turning that corrects the heading, rad/s, and largest heading error that is remembered, rad.
@@ -141,8 +139,7 @@ impl Drive {
         for axis in 0..2 {
             let error = measured[axis] - self.velocity[axis];
             self.filtered[axis] += dt_s / SPEED_FILTER_S * (error - self.filtered[axis]);
-            let lasting = self.filtered[axis].clamp(-LASTING_M_S, LASTING_M_S);
-            let integral = self.integral[axis] - dt_s * config.speed_integral_rate_s * lasting;
+            let integral = self.integral[axis] - dt_s * config.speed_integral_rate_s * self.filtered[axis];
             self.integral[axis] = integral.clamp(-INTEGRAL_M_S[axis], INTEGRAL_M_S[axis]);
             self.velocity[axis] += (wanted[axis] - self.velocity[axis]).clamp(-most, most);
         }
