@@ -100,35 +100,33 @@ impl Controller {
     fn measure(&mut self, input: &Input, now: Duration) -> f64 {
         let mut found = Found::default();
         let dt_s = self.memory.watch.advance_clock(&self.config, self.mode(), now, &mut found);
-        self.latch_found(&found, now);
+        self.latch_found(&mut found, now);
         if let Some(report) = input.fault {
             self.latch(report, now);
         }
-        let mut found = Found::default();
         let is_new = self.memory.watch.take(&self.config, self.mode(), input.joints, &mut found);
-        self.latch_found(&found, now);
+        self.latch_found(&mut found, now);
         if is_new {
             let Snapshot { day, command, .. } = &self.memory;
             let expected = self.memory.expected(&self.config, now);
             let seen = Seen::new(&self.config, day.mode, expected, command.position_rad, now, dt_s);
-            let mut found = Found::default();
             self.memory.watch.watch_joints(&seen, &mut found);
-            self.latch_found(&found, now);
+            self.latch_found(&mut found, now);
         } else {
             self.memory.stale_inputs += 1;
         }
-        let mut found = Found::default();
         let inertial = input.inertial.as_ref();
         self.memory.watch.tilted = Tilted::beyond(self.config.tilt_limit_rad, inertial);
         watch_inertial(&self.config, self.mode(), inertial, &mut found);
         self.memory.estimate_base(&self.config, input, now, dt_s);
         self.memory.watch_estimate(&self.config, &mut found);
-        self.latch_found(&found, now);
+        self.latch_found(&mut found, now);
         dt_s
     }
 
-    fn latch_found(&mut self, found: &Found, now: Duration) {
+    fn latch_found(&mut self, found: &mut Found, now: Duration) {
         found.reports().for_each(|report| self.latch(report, now));
+        found.clear();
     }
 
     fn latch(&mut self, report: FaultReport, now: Duration) {
@@ -295,7 +293,7 @@ impl Controller {
         self.memory.walk_in_balance(&self.config, now, dt_s);
         let mut found = Found::default();
         self.memory.watch_balance(&self.config, &mut found);
-        self.latch_found(&found, now);
+        self.latch_found(&mut found, now);
     }
 
     // ── what is sent ────────────────────────────────────────────────────────────────────────────────────────────────

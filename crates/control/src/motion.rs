@@ -351,7 +351,7 @@ impl Motion {
     }
 
     fn progress_gait(&mut self, mut clock: GaitClock, config: &Config, mode: Mode, now: Duration) -> Progress {
-        let Some(gait) = self.gait else { return Progress::Nothing };
+        let Some(gait) = &self.gait else { return Progress::Nothing };
         if clock.follow(now) {
             self.course = Course::Gait(clock);
             if mode == Mode::Stopping {
@@ -361,7 +361,8 @@ impl Motion {
             if let Some(new) = self.pending
                 && clock.growth(config, now).is_whole()
             {
-                return self.change_gait(clock, &gait, &new, config);
+                let old = *gait;
+                return self.change_gait(clock, &old, &new, config);
             }
         }
         self.step_index = clock.step_index();

@@ -59,6 +59,11 @@ impl Found {
         self.reports[..self.count].iter().flatten().copied()
     }
 
+    /// Nothing, again.
+    pub fn clear(&mut self) {
+        self.count = 0;
+    }
+
     fn means_damping(&self) -> bool {
         self.reports().any(|report| report.fault.severity() == Severity::Damping)
     }
@@ -104,14 +109,14 @@ impl Watch {
     /// looks at the state again.
     pub fn take(&mut self, config: &Config, mode: Mode, joints: Option<&JointState>, found: &mut Found) -> bool {
         let Some(new) = joints else { return false };
-        let last = self.joints;
+        let last = self.joints.as_ref();
         if last.is_some_and(|last| last.stamp == new.stamp) {
             return false;
         }
         let armed = mode.drives_on();
         let mut doubts = Found::default();
         for j in 0..JOINTS {
-            check_joint(config, mode, new, last.as_ref(), j, &mut doubts);
+            check_joint(config, mode, new, last, j, &mut doubts);
             if doubts.count > 0 {
                 break;
             }
@@ -131,19 +136,22 @@ impl Watch {
 
     /// What a new state reports of drives and joints, beside what was commanded.
     pub fn watch_joints(&mut self, seen: &Seen, found: &mut Found) {
-        let Some(state) = self.joints else { return };
         if !seen.mode.drives_on() {
             return;
         }
         let mut seen = *seen;
+        // What was commanded while nothing was received of a joint is not held against it.
+        let gap = Duration::from_secs_f64(RECEPTION_GAP_CYCLES * seen.config.control_period_s);
         for j in 0..JOINTS {
-            watch_drive(seen.config, &state, j, found);
+            let Some(state) = &self.joints else { return };
+            let (q, v) = (state.position_rad[j], state.velocity_rad_s[j]);
+            watch_drive(seen.config, state, j, found);
             self.let_go_once(&mut seen, found);
-            self.watch_speed(&seen, j, state.velocity_rad_s[j], found);
+            self.watch_speed(&seen, j, v, found);
             self.let_go_once(&mut seen, found);
-            self.watch_tracking(&seen, j, state.position_rad[j], found);
+            self.watch_tracking(&seen, j, q, found);
             self.let_go_once(&mut seen, found);
-            self.watch_stillness(&seen, j, state.position_rad[j], found);
+            self.watch_stillness(&seen, j, q, gap, found);
             self.let_go_once(&mut seen, found);
         }
     }
@@ -181,11 +189,9 @@ impl Watch {
     /// A joint that does not move with its command is stuck. Only in a whole walk, where every foot is lifted once in
     /// two steps: friction may hold a foot that carries the robot from posture to posture, or that hardly leaves the
     /// ground.
-    fn watch_stillness(&mut self, seen: &Seen, joint: usize, q: f64, found: &mut Found) {
+    fn watch_stillness(&mut self, seen: &Seen, joint: usize, q: f64, gap: Duration, found: &mut Found) {
         let commanded = seen.commanded_rad[joint];
         let mut still = Still { position_rad: q, least_rad: commanded, most_rad: commanded, received: seen.now };
-        // What was commanded while nothing was received of the joint is not held against it.
-        let gap = Duration::from_secs_f64(RECEPTION_GAP_CYCLES * seen.config.control_period_s);
         if let Some(last) = self.still[joint]
             && (q - last.position_rad).abs() < STILL_RAD
             && seen.now.saturating_sub(last.received) <= gap

@@ -27,6 +27,7 @@ fn main() {
     let step = step_times();
     println!("step_median_us = {:.3}", step.quantile(0.5).as_secs_f64() * 1e6);
     println!("step_p99_us = {:.3}", step.quantile(0.99).as_secs_f64() * 1e6);
+    println!("# step mean us: {:.3}", step.mean().as_secs_f64() * 1e6);
     println!("codec_ns = {:.1}", codec_ns());
     for warning in (RealtimeRequest::default()).apply() {
         println!("# {warning}");
