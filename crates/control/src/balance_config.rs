@@ -53,6 +53,13 @@ pub struct BalanceConfig {
     pub estimate_patience_s: f64,
     /// With placement or hurrying at their limits it walks on for this long, s.
     pub limited_patience_s: f64,
+    /// While a step is caught the body is thrown off its standing legs, and a joint may be this far from its command,
+    /// rad, where the controller allows less. 0: as ever; recordings that are older say nothing of it.
+    #[serde(default)]
+    pub caught_tracking_error_rad: f64,
+    /// … for at most this long, s.
+    #[serde(default)]
+    pub caught_tracking_error_s: f64,
     /// Largest commanded speed ahead, backward and to a side, m/s, and turning, rad/s.
     pub velocity_limit: VelocityLimit,
 }
@@ -102,6 +109,8 @@ impl BalanceConfig {
             stand_after_s: None,
             estimate_patience_s: 0.05,
             limited_patience_s: 0.5,
+            caught_tracking_error_rad: 0.5,
+            caught_tracking_error_s: 0.06,
             velocity_limit: VelocityLimit {
                 forward_m_s: 0.43 * speed_m_s,
                 backward_m_s: 0.2 * speed_m_s,
@@ -148,6 +157,8 @@ impl BalanceConfig {
             ),
             ("balance.estimate_patience_s", self.estimate_patience_s, 0.0, 0.5),
             ("balance.limited_patience_s", self.limited_patience_s, 0.0, 10.0),
+            ("balance.caught_tracking_error_rad", self.caught_tracking_error_rad, 0.0, 2.0),
+            ("balance.caught_tracking_error_s", self.caught_tracking_error_s, 0.0, 1.0),
             ("balance.velocity_limit.forward_m_s", limit.forward_m_s, 0.0, 10.0),
             ("balance.velocity_limit.backward_m_s", limit.backward_m_s, 0.0, 10.0),
             ("balance.velocity_limit.lateral_m_s", limit.lateral_m_s, 0.0, 10.0),

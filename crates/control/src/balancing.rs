@@ -92,12 +92,13 @@ impl Snapshot {
     }
 
     /// What is expected of the joints. Under the balanced law the ground may hold a foot of a step that is caught:
-    /// there a joint that stands still is no sign of one that is stuck, and `tracking_error` is what notices.
+    /// there a joint that stands still is no sign of one that is stuck, and `tracking_error`, whose bound is wider
+    /// there, is what notices.
     pub(crate) fn expected(&self, config: &Config, now: Duration) -> Expected {
         let expected = self.motion.expected(config, now);
         match (&self.law, self.motion.walked()) {
             (Law::Balanced(balanced), Some((_, clock))) if balanced.catches(clock.period_s) => {
-                Expected { walks: false, ..expected }
+                Expected { walks: false, caught: true, ..expected }
             }
             _ => expected,
         }

@@ -68,11 +68,13 @@ pub(crate) struct Expected {
     pub held: [bool; JOINTS],
     /// Whether a whole walk is walked.
     pub walks: bool,
+    /// Whether a step is caught: the ground holds feet, and the body is thrown off its standing legs.
+    pub caught: bool,
 }
 
 impl Expected {
     /// Nothing.
-    pub const NOTHING: Self = Self { held: [false; JOINTS], walks: false };
+    pub const NOTHING: Self = Self { held: [false; JOINTS], walks: false, caught: false };
 }
 
 impl Motion {
@@ -118,10 +120,13 @@ impl Motion {
     pub fn expected(&self, config: &Config, now: Duration) -> Expected {
         match &self.course {
             Course::None => Expected::NOTHING,
-            Course::Gait(clock) => Expected { held: [true; JOINTS], walks: clock.growth(config, now).is_whole() },
+            Course::Gait(clock) => {
+                Expected { held: [true; JOINTS], walks: clock.growth(config, now).is_whole(), caught: false }
+            }
             Course::Ramp { ramp, start, .. } | Course::Lift { lift: Lift { ramp, .. }, start, .. } => {
                 let kp = ramp.at(now.saturating_sub(*start).as_secs_f64()).kp;
-                Expected { held: std::array::from_fn(|j| kp[j] >= 0.5 * config.posture_kp[j]), walks: false }
+                let held = std::array::from_fn(|j| kp[j] >= 0.5 * config.posture_kp[j]);
+                Expected { held, ..Expected::NOTHING }
             }
         }
     }

@@ -176,12 +176,12 @@ impl Watch {
 
     /// While the gains are low a joint is not expected to follow.
     fn watch_tracking(&mut self, seen: &Seen, joint: usize, q: f64, found: &mut Found) {
-        let limit = seen.config.tracking_error_rad;
+        let (limit, longest_s) = seen.tracking_bound();
         let error = (q - seen.commanded_rad[joint]).abs();
         let off_s = &mut self.tracking_error_s[joint];
         let held = seen.mode.is_moving() && seen.expected.held[joint];
         *off_s = if held && error > limit { *off_s + seen.dt_s } else { 0.0 };
-        if *off_s > seen.config.tracking_error_s {
+        if *off_s > longest_s {
             found.add(Fault::TrackingError, Some(joint), error, limit);
         }
     }
@@ -254,6 +254,17 @@ impl<'a> Seen<'a> {
         dt_s: f64,
     ) -> Self {
         Self { config, mode, expected, commanded_rad, now, dt_s, let_go: false }
+    }
+
+    /// How far a joint may be from its command, rad, and for how long, s.
+    fn tracking_bound(&self) -> (f64, f64) {
+        let Config { tracking_error_rad: rad, tracking_error_s: seconds, balance, .. } = self.config;
+        match balance {
+            Some(balance) if self.expected.caught => {
+                (rad.max(balance.caught_tracking_error_rad), seconds.max(balance.caught_tracking_error_s))
+            }
+            _ => (*rad, *seconds),
+        }
     }
 }
 
