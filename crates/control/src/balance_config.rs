@@ -60,6 +60,10 @@ pub struct BalanceConfig {
     /// … for at most this long, s.
     #[serde(default)]
     pub caught_tracking_error_s: f64,
+    /// Over this last share below a joint's velocity limit, torque that makes it faster turns into damping; 0: it does
+    /// not. Recordings that are older say nothing of it.
+    #[serde(default)]
+    pub speed_fade_share: f64,
     /// Largest commanded speed ahead, backward and to a side, m/s, and turning, rad/s.
     pub velocity_limit: VelocityLimit,
 }
@@ -111,6 +115,7 @@ impl BalanceConfig {
             limited_patience_s: 0.5,
             caught_tracking_error_rad: 0.5,
             caught_tracking_error_s: 0.06,
+            speed_fade_share: 0.2,
             velocity_limit: VelocityLimit {
                 forward_m_s: 0.43 * speed_m_s,
                 backward_m_s: 0.2 * speed_m_s,
@@ -159,6 +164,7 @@ impl BalanceConfig {
             ("balance.limited_patience_s", self.limited_patience_s, 0.0, 10.0),
             ("balance.caught_tracking_error_rad", self.caught_tracking_error_rad, 0.0, 2.0),
             ("balance.caught_tracking_error_s", self.caught_tracking_error_s, 0.0, 1.0),
+            ("balance.speed_fade_share", self.speed_fade_share, 0.0, 1.0),
             ("balance.velocity_limit.forward_m_s", limit.forward_m_s, 0.0, 10.0),
             ("balance.velocity_limit.backward_m_s", limit.backward_m_s, 0.0, 10.0),
             ("balance.velocity_limit.lateral_m_s", limit.lateral_m_s, 0.0, 10.0),

@@ -104,6 +104,14 @@ impl Snapshot {
         }
     }
 
+    /// The share below the velocity limits over which torque fades out: the paper's law has none, to the bit.
+    pub(crate) fn speed_fade_share(&self, config: &Config) -> f64 {
+        match (&self.law, &config.balance) {
+            (Law::Balanced(_), Some(balance)) => balance.speed_fade_share,
+            _ => 0.0,
+        }
+    }
+
     /// What the balance reports of itself.
     pub(crate) fn balance_output(
         &self,

@@ -318,7 +318,8 @@ impl Controller {
             (mode, true) if mode.is_moving() => {
                 // The first cycle has no last one; the limit on the torque's growth then counts one period.
                 let dt_s = dt_s.clamp(config.control_period_s, config.overrun_s);
-                let (command, torque_nm) = memory.limits.apply(config, setpoint.to_resolution(), &q, &v, dt_s);
+                let fade = memory.speed_fade_share(config);
+                let (command, torque_nm) = memory.limits.apply(config, setpoint.to_resolution(), &q, &v, fade, dt_s);
                 let carried = match config.drive_mode {
                     DriveMode::Impedance => command,
                     DriveMode::Torque => JointCommand { kp: [0.0; JOINTS], kd: [0.0; JOINTS], torque_nm, ..command },

@@ -28,9 +28,10 @@ impl Limits {
     /// The command that may be sent, and the torques that it gives at the measured `q` and `v`.
     ///
     /// In order: q_des within the position limits and within velocity limit × control period of the last one; q̇_des
-    /// within the velocity limits; torque towards a position limit fading out in its soft stop; torque limit; growth of
-    /// torque over `dt_s`. A torque is only ever made smaller by this, and never smaller than damping would make it. A
-    /// command that keeps every limit leaves unaltered, to the bit.
+    /// within the velocity limits; torque towards a position limit fading out in its soft stop, and torque that makes a
+    /// joint faster turning into damping over the last `speed_fade_share` below its velocity limit; torque limit;
+    /// growth of torque over `dt_s`. A torque is only ever made smaller by this, and never smaller than damping would
+    /// make it. A command that keeps every limit leaves unaltered, to the bit.
     ///
     /// After a late cycle q_des catches up over the next ones: the step is one period's however long the cycle before
     /// was, because the drive sees it as a step.
@@ -40,13 +41,15 @@ impl Limits {
         mut command: JointCommand,
         q: &[f64; JOINTS],
         v: &[f64; JOINTS],
+        speed_fade_share: f64,
         dt_s: f64,
     ) -> (JointCommand, [f64; JOINTS]) {
         let mut torque = [0.0; JOINTS];
         for j in 0..JOINTS {
             self.limit_reference(c, &mut command, j);
             let asked = command.joint_torque(j, q[j], v[j]);
-            let allowed = self.limit_torque(c, j, asked, (q[j], v[j]), dt_s);
+            let slowed = slowed(c, j, asked, v[j], speed_fade_share);
+            let allowed = self.limit_torque(c, j, slowed, (q[j], v[j]), dt_s);
             if allowed != asked {
                 let feed_forward = command.torque_nm[j] + (allowed - asked);
                 if feed_forward.abs() <= c.torque_limit_nm[j] {
@@ -99,6 +102,17 @@ impl Limits {
         }
         torque
     }
+}
+
+/// Over the last share below its velocity limit a torque that makes the joint faster becomes damping.
+fn slowed(c: &Config, j: usize, torque: f64, v: f64, fade_share: f64) -> f64 {
+    let limit = c.velocity_limit_rad_s[j];
+    let damping = -damping_kd(c, j, v) * v;
+    if fade_share <= 0.0 || v.abs() <= (1.0 - fade_share) * limit || (torque - damping) * v <= 0.0 {
+        return torque;
+    }
+    let room = ((limit - v.abs()) / (fade_share * limit)).clamp(0.0, 1.0);
+    room * torque + (1.0 - room) * damping
 }
 
 fn damping_kd(c: &Config, j: usize, v: f64) -> f64 {

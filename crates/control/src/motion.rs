@@ -62,7 +62,7 @@ pub(crate) enum Then {
 }
 
 /// What the motion expects of the joints.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub(crate) struct Expected {
     /// Joints with so much of their gains that they follow (in torque mode the command itself has none).
     pub held: [bool; JOINTS],
@@ -70,11 +70,6 @@ pub(crate) struct Expected {
     pub walks: bool,
     /// Whether a step is caught: the ground holds feet, and the body is thrown off its standing legs.
     pub caught: bool,
-}
-
-impl Expected {
-    /// Nothing.
-    pub const NOTHING: Self = Self { held: [false; JOINTS], walks: false, caught: false };
 }
 
 impl Motion {
@@ -119,14 +114,13 @@ impl Motion {
     /// What is expected of the joints at `now`.
     pub fn expected(&self, config: &Config, now: Duration) -> Expected {
         match &self.course {
-            Course::None => Expected::NOTHING,
+            Course::None => Expected::default(),
             Course::Gait(clock) => {
                 Expected { held: [true; JOINTS], walks: clock.growth(config, now).is_whole(), caught: false }
             }
             Course::Ramp { ramp, start, .. } | Course::Lift { lift: Lift { ramp, .. }, start, .. } => {
                 let kp = ramp.at(now.saturating_sub(*start).as_secs_f64()).kp;
-                let held = std::array::from_fn(|j| kp[j] >= 0.5 * config.posture_kp[j]);
-                Expected { held, ..Expected::NOTHING }
+                Expected { held: std::array::from_fn(|j| kp[j] >= 0.5 * config.posture_kp[j]), ..Expected::default() }
             }
         }
     }

@@ -161,7 +161,7 @@ impl Watch {
         if !seen.let_go && found.means_damping() {
             self.let_go();
             seen.let_go = true;
-            seen.expected = Expected::NOTHING;
+            seen.expected = Expected::default();
         }
     }
 

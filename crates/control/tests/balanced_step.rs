@@ -201,3 +201,29 @@ fn while_a_step_is_caught_a_joint_may_be_further_from_its_command_but_not_for_go
     assert!(calm < caught && caught <= 200 + 60, "{calm} {caught}");
     measured("while_a_step_is_caught_a_joint_may_be_further_from_its_command_but_not_for_good", caught);
 }
+
+/// A leg that the ground held off its command flies back to it when it lifts off: near its velocity limit what drives
+/// it on turns into damping. The paper's law is let be, to the bit.
+#[test]
+fn a_joint_at_its_velocity_limit_is_driven_no_faster() {
+    const ROLL: usize = 0;
+    let torque_nm = |balanced: bool, share: f64| {
+        let mut settings = config(balanced);
+        if let Some(balance) = settings.balance.as_mut() {
+            balance.speed_fade_share = share;
+        }
+        let mut bench = Bench::walking(settings);
+        for n in 0..150 {
+            bench.joints.position_rad[ROLL] -= 0.3 * f64::min(f64::from(n) / 100.0, 1.0);
+            bench.cycle(&[]);
+        }
+        bench.joints.position_rad[ROLL] -= 0.3;
+        bench.joints.velocity_rad_s[ROLL] = 0.99 * bench.controller.config().velocity_limit_rad_s[ROLL];
+        let output = bench.cycle(&[]);
+        assert_eq!(output.mode, Mode::Walking);
+        output.torque_nm[ROLL]
+    };
+    assert!(torque_nm(true, 0.2) < -10.0, "{}", torque_nm(true, 0.2));
+    assert!(torque_nm(true, 0.0) > 10.0, "{}", torque_nm(true, 0.0));
+    assert!(torque_nm(false, 0.0) > 10.0, "{}", torque_nm(false, 0.0));
+}
