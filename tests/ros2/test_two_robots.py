@@ -41,6 +41,10 @@ def test_two_robots_walk_in_one_domain(robots, ros):
         robot.pause(False)
     for robot in (left, right):
         robot.wait(lambda robot=robot: robot.mode() == "walking", 90, "walking")
+    # The motion grows out of standing: its first steps are shorter.
+    walking = {robot: robot.time() for robot in (left, right)}
+    for robot in (left, right):
+        robot.wait(lambda robot=robot: robot.time() > walking[robot] + 2, 60, "2 s of walking")
     began = {robot: (robot.time(), robot.odometry[-1].pose.pose.position.x) for robot in (left, right)}
     for robot in (left, right):
         robot.wait(lambda robot=robot: robot.time() > began[robot][0] + 5, 120, "5 s of walking")

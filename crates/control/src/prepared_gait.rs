@@ -21,6 +21,9 @@ pub struct PreparedGait {
     second: Option<Polynomials>,
     kp: [f64; JOINTS],
     kd: [f64; JOINTS],
+    /// Rise over run, ahead and to the left, of the ground that it is planned for.
+    #[serde(default)]
+    rise: [f64; 2],
 }
 
 /// A step's polynomials.
@@ -85,6 +88,7 @@ impl PreparedGait {
             }),
             kp: gait.gains.kp,
             kd: gait.gains.kd,
+            rise: ["slope_rad", "sideways_slope_rad"].map(|key| gait.request[key].as_f64().unwrap_or(0.0).tan()),
         };
         for n in 0..CHECKED_PHASES {
             let s = n as f64 / (CHECKED_PHASES - 1) as f64;
@@ -113,6 +117,11 @@ impl PreparedGait {
             }
         }
         Ok(prepared)
+    }
+
+    /// Rise over run, ahead and to the left, of the ground that it is planned for.
+    pub fn rise(&self) -> [f64; 2] {
+        self.rise
     }
 
     /// The gait at phase `s` ∈ [0, 1] of a step.

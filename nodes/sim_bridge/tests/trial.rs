@@ -3,7 +3,9 @@
 
 use control::Velocity;
 use gait::Gait;
+use gait_design::{GaitRequest, PlanOptions, plan};
 use robot::Robot;
+use std::ops::ControlFlow;
 use std::path::Path;
 use tandem_sim_bridge::simulator::{Push, SimulatorOptions, Terrain, Variation};
 use tandem_sim_bridge::trial::{Outcome, Trial, run};
@@ -52,6 +54,27 @@ fn a_robot_that_is_told_to_stand_still_does_not_walk_back() {
     let back_m = farthest_m - outcome.samples.last().unwrap().position_m[0];
     println!("at least {slowest_m_s:.3} m/s, {back_m:.3} m back");
     assert!(slowest_m_s > -0.1 && back_m < 0.05, "{slowest_m_s} m/s, {back_m} m back");
+}
+
+/// The slope used to count twice, in the plan and by the law: told 0.35 m/s on 5° it ran uphill
+/// at 1.1.
+#[test]
+fn a_gait_that_is_planned_for_a_slope_does_not_run_away_on_it() {
+    const SLOPE_RAD: f64 = 0.087;
+    let robot = Robot::load(&Path::new(env!("CARGO_MANIFEST_DIR")).join("../../config/robots/vision60")).unwrap();
+    let request = GaitRequest { slope_rad: SLOPE_RAD, ..GaitRequest::named("amble", &robot).unwrap() };
+    let gait = plan(&robot, &request, &PlanOptions::default(), |_| ControlFlow::Continue(())).unwrap().gait;
+    let terrain = Terrain::Slope { uphill_rad: SLOPE_RAD, sideways_rad: 0.0 };
+    let simulator = SimulatorOptions { terrain, ..Trial::default().simulator };
+    for speed_m_s in [0.0, 0.35] {
+        let trial = Trial { seconds: 8.0, asked: ahead(speed_m_s), simulator: simulator.clone(), ..Trial::default() };
+        let outcome = run(&robot, None, &gait, &trial).unwrap();
+        assert!(outcome.survived(), "{speed_m_s} m/s: {:?}", outcome.ended);
+        let late: Vec<f64> = outcome.samples.iter().filter(|s| s.time_s > 4.0).map(|s| s.velocity[0]).collect();
+        let mean_m_s = late.iter().sum::<f64>() / late.len() as f64;
+        println!("asked for {speed_m_s} m/s: {mean_m_s:.3}");
+        assert!((mean_m_s - speed_m_s).abs() < 0.15, "asked for {speed_m_s} m/s: {mean_m_s:.3}");
+    }
 }
 
 /// What is thrown so hard that joints leave what the robot may do is damped by a fault with a name, and not walked on.

@@ -30,11 +30,8 @@ impl Ground {
         let (sine, cosine) = rotation.m21.atan2(rotation.m11).sin_cos();
         let unyaw = Matrix3::new(cosine, sine, 0.0, -sine, cosine, 0.0, 0.0, 0.0, 1.0);
         let heading = unyaw * rotation;
-        let [rise_x, rise_y] = self.rise;
-        let normal = Vector3::new(-rise_x, -rise_y, 1.0).normalize();
-        let ahead = Vector3::new(1.0, 0.0, rise_x).normalize();
-        let ground_to_heading = Matrix3::from_columns(&[ahead, normal.cross(&ahead), normal]);
-        Frames { heading, ground: ground_to_heading.transpose() * heading, up: ground_to_heading.row(2).transpose() }
+        let to_heading = ground_to_heading(self.rise);
+        Frames { heading, ground: to_heading.transpose() * heading, up: to_heading.row(2).transpose() }
     }
 
     /// The plane through the four toes (body axes) that differs least from them, believed by `gain`.
@@ -62,16 +59,33 @@ impl Ground {
         }
     }
 
+    /// The shift that the ground asks for beyond what a gait that is planned for such ground has by itself.
+    fn wanted_shift_m(&self, height_m: f64, planned_rise: [f64; 2]) -> [f64; 2] {
+        std::array::from_fn(|axis| -height_m * (self.rise[axis] - planned_rise[axis]))
+    }
+
     /// The shift that the ground asks for, at once.
-    pub fn shift_at_once(&mut self, height_m: f64) {
-        self.shift_m = self.rise.map(|rise| -height_m * rise);
+    pub fn shift_at_once(&mut self, height_m: f64, planned_rise: [f64; 2]) {
+        self.shift_m = self.wanted_shift_m(height_m, planned_rise);
     }
 
     /// The shift follows the ground.
-    pub fn follow(&mut self, config: &BalanceConfig, height_m: f64, dt_s: f64) {
+    pub fn follow(&mut self, config: &BalanceConfig, height_m: f64, planned_rise: [f64; 2], dt_s: f64) {
         let most = config.shift_rate_share * height_m * dt_s;
+        let wanted = self.wanted_shift_m(height_m, planned_rise);
         for axis in 0..2 {
-            self.shift_m[axis] += (-height_m * self.rise[axis] - self.shift_m[axis]).clamp(-most, most);
+            self.shift_m[axis] += (wanted[axis] - self.shift_m[axis]).clamp(-most, most);
         }
     }
+}
+
+/// Up, in the axes of ground that rises so.
+pub(super) fn up_on(rise: [f64; 2]) -> Vector3<f64> {
+    ground_to_heading(rise).row(2).transpose()
+}
+
+fn ground_to_heading([rise_x, rise_y]: [f64; 2]) -> Matrix3<f64> {
+    let normal = Vector3::new(-rise_x, -rise_y, 1.0).normalize();
+    let ahead = Vector3::new(1.0, 0.0, rise_x).normalize();
+    Matrix3::from_columns(&[ahead, normal.cross(&ahead), normal])
 }

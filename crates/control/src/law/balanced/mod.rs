@@ -115,7 +115,7 @@ impl Balance {
         }
         let frames = balance.ground.frames(cycle.estimate);
         balance.ground.fit(cycle.config, &toes_m(cycle), &frames, 1.0);
-        balance.ground.shift_at_once(balance.height_m);
+        balance.ground.shift_at_once(balance.height_m, cycle.gait.rise());
         balance
     }
 
@@ -230,7 +230,7 @@ impl Balance {
     /// The reference of this cycle, towards `asked`.
     pub fn step(&mut self, cycle: &Cycle, asked: &Velocity) -> Instant {
         self.drive.step(cycle.config, asked, cycle.estimate, cycle.dt_s);
-        self.ground.follow(cycle.config, self.height_m, cycle.dt_s);
+        self.ground.follow(cycle.config, self.height_m, cycle.gait.rise(), cycle.dt_s);
         let shape = self.shape(cycle);
         if let Some(ended) = self.ended_rad.take() {
             let begun = shape.placed(0.0, &shape.planned(0.0), Vector2::zeros()).joints_rad;

@@ -2,7 +2,7 @@
 
 use super::BalanceConfig;
 use super::drive::Driven;
-use super::ground::{Frames, Ground};
+use super::ground::{Frames, Ground, up_on};
 use crate::{JOINTS, PreparedGait, of_leg};
 use gait::StepSide;
 use nalgebra::{Vector2, Vector3};
@@ -105,16 +105,16 @@ impl Shape<'_> {
     }
 
     /// What the stance legs must carry otherwise than planned: the same weight in another posture, and along real
-    /// gravity.
+    /// gravity in place of that of the ground that the gait is planned for.
     pub fn carried_nm(&self, planned: &Planned, placed: &Placed) -> [f64; JOINTS] {
         let swings = swings(self.side);
         let half_n = 0.5 * self.config.mass_kg * self.config.estimator.gravity_m_s2;
-        let up = self.frames.up * half_n;
+        let (up, planned_up) = (self.frames.up * half_n, up_on(self.gait.rise()) * half_n);
         let mut torque = [0.0; JOINTS];
         for leg in (0..4).filter(|&leg| !swings[leg]) {
             let now = self.config.legs[leg].toe(&of_leg(&placed.joints_rad, leg)).jacobian;
             let plan = self.config.legs[leg].toe(&of_leg(&planned.joints_rad, leg)).jacobian;
-            let difference = plan.row(2).transpose() * half_n - now.tr_mul(&up);
+            let difference = plan.tr_mul(&planned_up) - now.tr_mul(&up);
             torque[3 * leg..3 * leg + 3].copy_from_slice(difference.as_slice());
         }
         torque
