@@ -6,6 +6,10 @@ use gait::{Coefficients, Gait, GaitError, Mirror, StepSide, bezier};
 /// Phases at which a gait is checked before it is accepted.
 const CHECKED_PHASES: usize = 101;
 
+/// Where a gait's request says which ground it is planned for, ahead and to the left, and the steepest, rad.
+const SLOPES: [&str; 2] = ["slope_rad", "sideways_slope_rad"];
+const STEEPEST_RAD: f64 = 0.35;
+
 /// A gait that this robot may walk. `Copy`, so that it can go through a wait-free buffer into the control cycle and be
 /// replaced there without freeing memory.
 #[derive(Clone, Copy, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
@@ -37,6 +41,19 @@ struct Polynomials {
 /// `reference` minus `planned`.
 fn compensation(reference: &[Coefficients; JOINTS], planned: &[Coefficients; JOINTS]) -> [Coefficients; JOINTS] {
     std::array::from_fn(|j| std::array::from_fn(|i| reference[j][i] - planned[j][i]))
+}
+
+/// Rise over run of the ground that a gait is planned for; else the field and what is wrong.
+fn planned_rise(gait: &Gait) -> Result<[f64; 2], (String, String)> {
+    let slopes_rad = SLOPES.map(|key| gait.request[key].as_f64().unwrap_or(0.0));
+    // The balanced law moves the body by it.
+    match (0..2).find(|&n| slopes_rad[n].abs() > STEEPEST_RAD) {
+        Some(n) => {
+            let problem = format!("is {} rad, expected {} to {STEEPEST_RAD}", slopes_rad[n], -STEEPEST_RAD);
+            Err((format!("request.{}", SLOPES[n]), problem))
+        }
+        None => Ok(slopes_rad.map(f64::tan)),
+    }
 }
 
 /// One instant of a gait.
@@ -76,6 +93,11 @@ impl PreparedGait {
                 }
             }
         }
+        let rise = planned_rise(gait).map_err(|(field, problem)| GaitError::Value {
+            gait: gait.name.clone(),
+            field,
+            problem,
+        })?;
         let prepared = Self {
             name: GaitName::new(&gait.name),
             step_duration_s: gait.step_duration_s,
@@ -88,7 +110,7 @@ impl PreparedGait {
             }),
             kp: gait.gains.kp,
             kd: gait.gains.kd,
-            rise: ["slope_rad", "sideways_slope_rad"].map(|key| gait.request[key].as_f64().unwrap_or(0.0).tan()),
+            rise,
         };
         for n in 0..CHECKED_PHASES {
             let s = n as f64 / (CHECKED_PHASES - 1) as f64;
