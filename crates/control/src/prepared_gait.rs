@@ -44,13 +44,13 @@ fn compensation(reference: &[Coefficients; JOINTS], planned: &[Coefficients; JOI
 }
 
 /// Rise over run of the ground that a gait is planned for; else the field and what is wrong.
-fn planned_rise(gait: &Gait) -> Result<[f64; 2], (String, String)> {
+fn planned_rise(gait: &Gait) -> Result<[f64; 2], GaitError> {
     let slopes_rad = SLOPES.map(|key| gait.request[key].as_f64().unwrap_or(0.0));
     // The balanced law moves the body by it.
     match (0..2).find(|&n| slopes_rad[n].abs() > STEEPEST_RAD) {
         Some(n) => {
             let problem = format!("is {} rad, expected {} to {STEEPEST_RAD}", slopes_rad[n], -STEEPEST_RAD);
-            Err((format!("request.{}", SLOPES[n]), problem))
+            Err(GaitError::Value { gait: gait.name.clone(), field: format!("request.{}", SLOPES[n]), problem })
         }
         None => Ok(slopes_rad.map(f64::tan)),
     }
@@ -93,11 +93,6 @@ impl PreparedGait {
                 }
             }
         }
-        let rise = planned_rise(gait).map_err(|(field, problem)| GaitError::Value {
-            gait: gait.name.clone(),
-            field,
-            problem,
-        })?;
         let prepared = Self {
             name: GaitName::new(&gait.name),
             step_duration_s: gait.step_duration_s,
@@ -110,7 +105,7 @@ impl PreparedGait {
             }),
             kp: gait.gains.kp,
             kd: gait.gains.kd,
-            rise,
+            rise: planned_rise(gait)?,
         };
         for n in 0..CHECKED_PHASES {
             let s = n as f64 / (CHECKED_PHASES - 1) as f64;
