@@ -31,6 +31,10 @@ pub struct BalanceConfig {
     pub ground_gain: f64,
     /// Steepest ground that is believed, as rise over run.
     pub ground_limit: f64,
+    /// How far the body is shifted over its toes on a slope, of z0 times the slope's rise over run. A body that stands
+    /// still needs a share of 1; one that walks does better with less, because placing its toes adds to it.
+    #[serde(default = "whole")]
+    pub slope_shift_share: f64,
     /// Fastest shift of the body over a slope, of z0 a second.
     pub shift_rate_share: f64,
     /// Fastest change of the commanded velocity, m/s², and of the commanded turning, rad/s².
@@ -68,6 +72,11 @@ pub struct BalanceConfig {
     pub velocity_limit: VelocityLimit,
 }
 
+/// What recordings walked with that are older than the share.
+fn whole() -> f64 {
+    1.0
+}
+
 /// Largest commanded velocities.
 #[derive(Clone, Copy, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
 #[serde(deny_unknown_fields)]
@@ -103,6 +112,7 @@ impl BalanceConfig {
             level_gain: [0.6, 0.2],
             ground_gain: 0.5,
             ground_limit: 0.4,
+            slope_shift_share: 0.8,
             shift_rate_share: 0.18,
             acceleration_m_s2: 0.26 * speed_m_s,
             angular_acceleration_rad_s2: 1.0,
@@ -142,6 +152,7 @@ impl BalanceConfig {
             ("balance.level_gain", self.level_gain[1], 0.0, 1.5),
             ("balance.ground_gain", self.ground_gain, 0.0, 1.0),
             ("balance.ground_limit", self.ground_limit, 0.0, 1.0),
+            ("balance.slope_shift_share", self.slope_shift_share, 0.0, 2.0),
             ("balance.shift_rate_share", self.shift_rate_share, 0.0, 10.0),
             ("balance.acceleration_m_s2", self.acceleration_m_s2, 0.01, 100.0),
             ("balance.angular_acceleration_rad_s2", self.angular_acceleration_rad_s2, 0.01, 100.0),

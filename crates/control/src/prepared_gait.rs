@@ -1,7 +1,9 @@
 //! A gait made ready for the control cycle: checked against this robot, and free of anything on the heap.
 
-use crate::{Config, JOINTS};
+use crate::balance_config::BalanceConfig;
+use crate::{Config, JOINTS, of_leg};
 use gait::{Coefficients, Gait, GaitError, Mirror, StepSide, bezier};
+use nalgebra::Vector3;
 
 /// Phases at which a gait is checked before it is accepted.
 const CHECKED_PHASES: usize = 101;
@@ -9,6 +11,25 @@ const CHECKED_PHASES: usize = 101;
 /// Where a gait's request says which ground it is planned for, ahead and to the left, and the steepest, rad.
 const SLOPES: [&str; 2] = ["slope_rad", "sideways_slope_rad"];
 const STEEPEST_RAD: f64 = 0.35;
+
+/// Phases of each step at which the room of its toes is looked for.
+const ROOM_PHASES: usize = 20;
+/// Of that room, kept for placing the toes: this share of the leg's length.
+const PLACEMENT_RESERVE_SHARE: f64 = 0.02;
+
+/// The largest length up to `most` that is `reached`, to a 2000th of it.
+fn furthest(most: f64, reached: impl Fn(f64) -> bool) -> f64 {
+    let (mut low, mut high) = (0.0, most);
+    for _ in 0..11 {
+        let middle = 0.5 * (low + high);
+        if reached(middle) {
+            low = middle;
+        } else {
+            high = middle;
+        }
+    }
+    low
+}
 
 /// A gait that this robot may walk. `Copy`, so that it can go through a wait-free buffer into the control cycle and be
 /// replaced there without freeing memory.
@@ -28,6 +49,10 @@ pub struct PreparedGait {
     /// Rise over run, ahead and to the left, of the ground that it is planned for.
     #[serde(default)]
     rise: [f64; 2],
+    /// How far each toe may be shifted to the right (negative) and to the left, m, so that its leg still reaches all of
+    /// the gait; none where nothing shifts them, and in recordings that are older.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    lateral_room_m: Option<[[f64; 2]; 4]>,
 }
 
 /// A step's polynomials.
@@ -45,15 +70,19 @@ fn compensation(reference: &[Coefficients; JOINTS], planned: &[Coefficients; JOI
 
 /// Rise over run of the ground that a gait is planned for; else the field and what is wrong.
 fn planned_rise(gait: &Gait) -> Result<[f64; 2], GaitError> {
-    let slopes_rad = SLOPES.map(|key| gait.request[key].as_f64().unwrap_or(0.0));
-    // The balanced law moves the body by it.
-    match (0..2).find(|&n| slopes_rad[n].abs() > STEEPEST_RAD) {
-        Some(n) => {
-            let problem = format!("is {} rad, expected {} to {STEEPEST_RAD}", slopes_rad[n], -STEEPEST_RAD);
-            Err(GaitError::Value { gait: gait.name.clone(), field: format!("request.{}", SLOPES[n]), problem })
+    let mut rise = [0.0; 2];
+    for (key, rise) in SLOPES.into_iter().zip(&mut rise) {
+        // The balanced law moves the body by it. Gaits that are older say nothing of it, and are for level ground.
+        let slope = &gait.request[key];
+        match slope.as_f64().or(slope.is_null().then_some(0.0)) {
+            Some(slope_rad) if slope_rad.abs() <= STEEPEST_RAD => *rise = slope_rad.tan(),
+            _ => {
+                let problem = format!("is {slope}, expected {} to {STEEPEST_RAD} rad", -STEEPEST_RAD);
+                return Err(GaitError::Value { gait: gait.name.clone(), field: format!("request.{key}"), problem });
+            }
         }
-        None => Ok(slopes_rad.map(f64::tan)),
     }
+    Ok(rise)
 }
 
 /// One instant of a gait.
@@ -93,7 +122,7 @@ impl PreparedGait {
                 }
             }
         }
-        let prepared = Self {
+        let mut prepared = Self {
             name: GaitName::new(&gait.name),
             step_duration_s: gait.step_duration_s,
             planned_rad: gait.coefficients_rad,
@@ -106,6 +135,7 @@ impl PreparedGait {
             kp: gait.gains.kp,
             kd: gait.gains.kd,
             rise: planned_rise(gait)?,
+            lateral_room_m: None,
         };
         for n in 0..CHECKED_PHASES {
             let s = n as f64 / (CHECKED_PHASES - 1) as f64;
@@ -133,7 +163,28 @@ impl PreparedGait {
                 }
             }
         }
+        prepared.lateral_room_m = config.balance.as_ref().map(|balance| prepared.lateral_room(balance));
         Ok(prepared)
+    }
+
+    /// How far each toe may be shifted to either side: see the field.
+    fn lateral_room(&self, balance: &BalanceConfig) -> [[f64; 2]; 4] {
+        let phases = (0..=ROOM_PHASES).map(|n| n as f64 / ROOM_PHASES as f64);
+        let instants: Vec<_> = phases.flat_map(|s| StepSide::BOTH.map(|side| self.at(side, s).position_rad)).collect();
+        std::array::from_fn(|leg| {
+            let kinematics = &balance.legs[leg];
+            let toes: Vec<_> = instants.iter().map(|at| kinematics.toe_m(&of_leg(at, leg))).collect();
+            let reached = |shift_m: f64| {
+                toes.iter().all(|toe| !kinematics.joints(&(toe + Vector3::new(0.0, shift_m, 0.0))).limited)
+            };
+            let reserve_m = PLACEMENT_RESERVE_SHARE * kinematics.length_m();
+            [-1.0, 1.0].map(|side| side * (furthest(kinematics.length_m(), |m| reached(side * m)) - reserve_m).max(0.0))
+        })
+    }
+
+    /// How far each toe may be shifted to the right (negative) and to the left, m; none: it is not known.
+    pub fn lateral_room_m(&self) -> Option<&[[f64; 2]; 4]> {
+        self.lateral_room_m.as_ref()
     }
 
     /// Rise over run, ahead and to the left, of the ground that it is planned for.

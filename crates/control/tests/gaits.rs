@@ -74,7 +74,7 @@ fn a_gait_whose_last_gains_stalled_is_walked_as_the_planner_decided() {
 #[test]
 fn bad_gaits_are_refused_by_what_is_wrong() {
     type Case = (&'static str, fn(&mut gait::Gait));
-    let cases: [Case; 6] = [
+    let cases: [Case; 8] = [
         ("robot \"solo12\"", |g| g.robot = "solo12".into()),
         ("gains.kp[4]", |g| g.gains.kp[4] = 5000.0),
         ("gains.kd[0]", |g| g.gains.kd[0] = 0.0),
@@ -84,6 +84,8 @@ fn bad_gaits_are_refused_by_what_is_wrong() {
         }),
         ("planned torque of rear_left_knee", |g| g.reference_coefficients_rad[5] = [2.7; 6]),
         ("solver.status", |g| g.solver.status = "iteration limit".into()),
+        ("request.slope_rad is 0.4, expected -0.35 to 0.35", |g| g.request["slope_rad"] = 0.4.into()),
+        ("request.sideways_slope_rad is \"steep\"", |g| g.request["sideways_slope_rad"] = "steep".into()),
     ];
     for (expected, spoil) in cases {
         let mut g = gait();

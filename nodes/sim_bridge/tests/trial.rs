@@ -77,6 +77,41 @@ fn a_gait_that_is_planned_for_a_slope_does_not_run_away_on_it() {
     }
 }
 
+/// Mean velocity ahead, in m/s, of the default amble from the sixth second of `trial` on.
+fn ambled_m_s(trial: &Trial) -> f64 {
+    let robot = Robot::load(&Path::new(env!("CARGO_MANIFEST_DIR")).join("../../config/robots/vision60")).unwrap();
+    let request = GaitRequest::named("amble", &robot).unwrap();
+    let gait = plan(&robot, &request, &PlanOptions::default(), |_| ControlFlow::Continue(())).unwrap().gait;
+    let outcome = run(&robot, None, &gait, trial).unwrap();
+    assert!(outcome.survived(), "{:?}", outcome.ended);
+    let late: Vec<f64> = outcome.samples.iter().filter(|s| s.time_s > 6.0).map(|s| s.velocity[0]).collect();
+    late.iter().sum::<f64>() / late.len() as f64
+}
+
+/// The default amble stands wide: shifted as a whole over a steep hill's side, its lower legs were at their stops, and
+/// after half a second of that its balance counted as lost.
+#[test]
+fn a_wide_gait_walks_across_a_steep_hill() {
+    for sideways_rad in [-0.262, 0.262] {
+        let terrain = Terrain::Slope { uphill_rad: 0.0, sideways_rad };
+        let simulator = SimulatorOptions { terrain, ..Trial::default().simulator };
+        ambled_m_s(&Trial { seconds: 10.0, asked: ahead(0.3), simulator, ..Trial::default() });
+    }
+}
+
+/// It slid down at 0.1 to 0.3 m/s, told to stand still or to walk up.
+#[test]
+fn facing_uphill_it_does_not_slide_down() {
+    for (speed_m_s, incline_rad) in [(0.0, 0.175), (0.35, 0.175)] {
+        let terrain = Terrain::Slope { uphill_rad: incline_rad, sideways_rad: 0.0 };
+        let simulator = SimulatorOptions { terrain, ..Trial::default().simulator };
+        let trial = Trial { seconds: 12.0, asked: ahead(speed_m_s), simulator, ..Trial::default() };
+        let walked_m_s = ambled_m_s(&trial);
+        println!("asked for {speed_m_s} m/s up {incline_rad} rad: {walked_m_s:.3}");
+        assert!((walked_m_s - speed_m_s).abs() < 0.15, "asked for {speed_m_s} m/s: {walked_m_s:.3}");
+    }
+}
+
 /// What is thrown so hard that joints leave what the robot may do is damped by a fault with a name, and not walked on.
 #[test]
 fn what_cannot_be_caught_ends_in_a_named_fault() {

@@ -60,19 +60,20 @@ impl Ground {
     }
 
     /// The shift that the ground asks for beyond what a gait that is planned for such ground has by itself.
-    fn wanted_shift_m(&self, height_m: f64, planned_rise: [f64; 2]) -> [f64; 2] {
-        std::array::from_fn(|axis| -height_m * (self.rise[axis] - planned_rise[axis]))
+    fn wanted_shift_m(&self, config: &BalanceConfig, height_m: f64, planned_rise: [f64; 2]) -> [f64; 2] {
+        let by_rise_m = config.slope_shift_share * height_m;
+        std::array::from_fn(|axis| -by_rise_m * (self.rise[axis] - planned_rise[axis]))
     }
 
     /// The shift that the ground asks for, at once.
-    pub fn shift_at_once(&mut self, height_m: f64, planned_rise: [f64; 2]) {
-        self.shift_m = self.wanted_shift_m(height_m, planned_rise);
+    pub fn shift_at_once(&mut self, config: &BalanceConfig, height_m: f64, planned_rise: [f64; 2]) {
+        self.shift_m = self.wanted_shift_m(config, height_m, planned_rise);
     }
 
     /// The shift follows the ground.
     pub fn follow(&mut self, config: &BalanceConfig, height_m: f64, planned_rise: [f64; 2], dt_s: f64) {
         let most = config.shift_rate_share * height_m * dt_s;
-        let wanted = self.wanted_shift_m(height_m, planned_rise);
+        let wanted = self.wanted_shift_m(config, height_m, planned_rise);
         for axis in 0..2 {
             self.shift_m[axis] += (wanted[axis] - self.shift_m[axis]).clamp(-most, most);
         }

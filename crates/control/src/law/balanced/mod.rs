@@ -115,7 +115,7 @@ impl Balance {
         }
         let frames = balance.ground.frames(cycle.estimate);
         balance.ground.fit(cycle.config, &toes_m(cycle), &frames, 1.0);
-        balance.ground.shift_at_once(balance.height_m, cycle.gait.rise());
+        balance.ground.shift_at_once(cycle.config, balance.height_m, cycle.gait.rise());
         balance
     }
 

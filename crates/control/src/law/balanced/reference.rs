@@ -83,12 +83,12 @@ impl Shape<'_> {
     pub fn placed(&self, s: f64, planned: &Planned, placement: Vector2<f64>) -> Placed {
         let swings = swings(self.side);
         let (reached, level) = (smooth(s / PLACED), smooth(s / LEVELLED));
-        let shift = Vector2::from(self.ground.shift_m);
+        let shifts = self.shifts(swings);
         let mut placed = Placed { joints_rad: [0.0; JOINTS], limited: false };
         for leg in 0..4 {
             let mut toe = planned.toes_m[leg];
             let offset = Vector2::from(self.offsets_m[leg]);
-            let by = if swings[leg] { offset * (1.0 - reached) + placement * reached } else { offset } + shift;
+            let by = if swings[leg] { offset * (1.0 - reached) + placement * reached } else { offset } + shifts[leg];
             toe.x += by.x;
             toe.y += by.y;
             if swings[leg] {
@@ -102,6 +102,21 @@ impl Shape<'_> {
             placed.joints_rad[3 * leg..3 * leg + 3].copy_from_slice(&solution.joints_rad);
         }
         placed
+    }
+
+    /// The shift of each toe on a slope. What a leg has no room for to its side, the other leg of its pair takes: the
+    /// body needs the middle of the two.
+    fn shifts(&self, swings: [bool; 4]) -> [Vector2<f64>; 4] {
+        let shift = Vector2::from(self.ground.shift_m);
+        let Some(room_m) = self.gait.lateral_room_m() else { return [shift; 4] };
+        let within = |leg: usize, y: f64| y.clamp(room_m[leg][0], room_m[leg][1]);
+        std::array::from_fn(|leg| {
+            let missing: f64 = (0..4)
+                .filter(|&other| other != leg && swings[other] == swings[leg])
+                .map(|other| shift.y - within(other, shift.y))
+                .sum();
+            Vector2::new(shift.x, within(leg, shift.y + missing))
+        })
     }
 
     /// What the stance legs must carry otherwise than planned: the same weight in another posture, and along real
