@@ -70,8 +70,8 @@ def start_bag(folder):
 
 
 def processor_s():
-    """Processor time of every process that is of this measurement, by name."""
-    used, tick = {}, os.sysconf("SC_CLK_TCK")
+    """Processor time of every process that this one has begun, directly or not, by name: others use the machine too."""
+    used, parents, tick = {}, {}, os.sysconf("SC_CLK_TCK")
     for stat in pathlib.Path("/proc").glob("[0-9]*/stat"):
         try:
             text, line = stat.read_text(), (stat.parent / "cmdline").read_text()
@@ -79,9 +79,19 @@ def processor_s():
             continue
         name, fields = text[text.index("(") + 1 : text.rindex(")")], text[text.rindex(")") + 2 :].split()
         kind = re.search(r"--type=([\w-]+)", line)
-        name = f"{name} {kind[1] if kind else ''}".strip()
-        used[name] = used.get(name, 0) + (int(fields[11]) + int(fields[12])) / tick
+        parents[int(stat.parent.name)] = (int(fields[1]), f"{name} {kind[1] if kind else ''}".strip(), (int(fields[11]) + int(fields[12])) / tick)
+    for process, (parent, name, seconds) in parents.items():
+        while parent not in (os.getpid(), 0):
+            parent = parents.get(parent, (0,))[0]
+        if parent:
+            used[name] = used.get(name, 0) + seconds
     return used
+
+
+def page_s(browser):
+    """Processor time of the page's main thread: its script, and all of its tasks (layout, and recording what is to be painted, too)."""
+    values = {metric["name"]: metric["value"] for metric in browser.call("Performance.getMetrics")["metrics"]}
+    return values["ScriptDuration"], values["TaskDuration"]
 
 
 def main():
@@ -94,15 +104,19 @@ def main():
     try:
         with Browser(CHROMIUM, folder / "profile", f"http://127.0.0.1:{port}/", size.replace("x", ",")) as browser:
             browser.wait("document.body?.dataset.ready === 'yes' && frames.length > 10", 20)
+            # Processor time and not the clock's: a busy machine changes the pictures a second, and not what one costs.
+            browser.call("Performance.enable", timeDomain="threadTicks")
             time.sleep(2)
             for run in range(runs):
-                before = processor_s()
+                before, page = processor_s(), page_s(browser)
                 times = browser.run(COUNT % (SECONDS * 1000))
+                script_ms, tasks_ms = [1000 * (b - a) / (len(times) - 1) for a, b in zip(page, page_s(browser))]
                 used = {name: s - before.get(name, 0) for name, s in processor_s().items()}
                 gaps = [b - a for a, b in zip(times, times[1:])]
-                shares = sorted(((s / SECONDS, name) for name, s in used.items() if s > 0.02 * SECONDS), reverse=True)
+                shares = sorted(((s / (times[-1] - times[0]) * 1000, name) for name, s in used.items() if s > 0.02 * SECONDS), reverse=True)
                 mode = browser.run("newest.state && newest.state.mode")
                 print(f"{what} {run + 1}: {len(gaps) / (times[-1] - times[0]) * 1000:.1f} pictures a second, longest gap {max(gaps):.0f} ms, {mode}; "
+                      f"a picture: {script_ms:.2f} ms of script, {tasks_ms:.2f} ms of the page's thread; "
                       + ", ".join(f"{name} {share:.0%}" for share, name in shares), flush=True)
             browser.picture(folder / "page.png")
             local = browser.run("performance.getEntriesByType('resource').every((entry) => entry.name.startsWith(location.origin))")
