@@ -3,8 +3,12 @@
 //! Every line is `name = survived/of`, or `name = value` for what is no survival. Seeded: the same lines on every
 //! run. Tables: see [`TABLES`]; without an argument all of them. `--bare` walks the paper's law instead,
 //! `--quick` takes one case in eight, `--unwatched` lets the law walk where the controller's watch over joints and tilt
-//! would have ended the walk, `--cases` says of each case that did not survive what it was and how it ended.
+//! would have ended the walk, `--cases` says of each case that did not survive what it was and how it ended, and
+//! `--robot=FOLDER` walks another robot. The table `robot` is for that; it is made only where it is named, and so are
+//! `planned` and `can`.
 
+#[path = "bench_robustness/can.rs"]
+mod can;
 #[path = "bench_robustness/cases.rs"]
 mod cases;
 #[path = "bench_robustness/driving.rs"]
@@ -13,15 +17,19 @@ mod driving;
 mod ground;
 #[path = "bench_robustness/multipliers.rs"]
 mod multipliers;
+#[path = "bench_robustness/planned.rs"]
+mod planned;
 #[path = "bench_robustness/pushes.rs"]
 mod pushes;
+#[path = "bench_robustness/robots.rs"]
+mod robots;
 
 use cases::Bench;
 
 /// A table's name and what prints it.
 type Table = (&'static str, fn(&Bench));
 
-const TABLES: [Table; 13] = [
+const TABLES: [Table; 16] = [
     ("undisturbed", driving::undisturbed),
     ("multipliers", multipliers::multipliers),
     ("pushes", pushes::pushes),
@@ -35,19 +43,27 @@ const TABLES: [Table; 13] = [
     ("delay", pushes::delay),
     ("driving", driving::driving),
     ("eight", driving::eight),
+    ("planned", planned::planned),
+    ("can", can::can),
+    ("robot", robots::robot),
 ];
+/// Tables that are made only where they are named.
+const NAMED_ONLY: [&str; 3] = ["planned", "can", "robot"];
+const ROBOT: &str = "--robot=";
 
 fn main() {
     let arguments: Vec<String> = std::env::args().skip(1).collect();
     let (flags, names): (Vec<&String>, Vec<&String>) = arguments.iter().partition(|a| a.starts_with("--"));
     let unknown = flags
         .iter()
-        .find(|flag| !["--bare", "--quick", "--unwatched", "--cases"].contains(&flag.as_str()))
+        .find(|flag| {
+            !["--bare", "--quick", "--unwatched", "--cases"].contains(&flag.as_str()) && !flag.starts_with(ROBOT)
+        })
         .or_else(|| names.iter().find(|name| !TABLES.iter().any(|(known, _)| *known == name.as_str())));
     if let Some(unknown) = unknown {
         let known: Vec<&str> = TABLES.iter().map(|(name, _)| *name).collect();
         eprintln!(
-            "bench_robustness: \"{unknown}\" is unknown: expected --bare, --quick, --unwatched, --cases or some of {}",
+            "bench_robustness: \"{unknown}\" is unknown: expected --bare, --quick, --unwatched, --cases, --robot=FOLDER or some of {}",
             known.join(", ")
         );
         std::process::exit(2);
@@ -58,10 +74,10 @@ fn main() {
         quick: has("--quick"),
         watched: !has("--unwatched"),
         tells_cases: has("--cases"),
-        ..Bench::new()
+        ..Bench::new(flags.iter().find_map(|flag| flag.strip_prefix(ROBOT)))
     };
     for (name, table) in TABLES {
-        if names.is_empty() || names.iter().any(|asked| asked.as_str() == name) {
+        if names.is_empty() && !NAMED_ONLY.contains(&name) || names.iter().any(|asked| asked.as_str() == name) {
             table(&bench);
         }
     }

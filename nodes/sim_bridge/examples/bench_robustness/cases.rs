@@ -2,12 +2,12 @@
 
 use control::Velocity;
 use gait::Gait;
-use gait_design::{GaitRequest, PlanOptions, plan};
+use gait_design::{GaitRequest, PlanError, PlanOptions, plan};
 use robot::Robot;
 use std::cell::RefCell;
 use std::collections::BTreeMap;
 use std::ops::ControlFlow;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use tandem_sim_bridge::simulator::Push;
 use tandem_sim_bridge::trial::{Outcome, Trial, run};
 
@@ -26,9 +26,10 @@ pub struct Bench {
 }
 
 impl Bench {
-    /// The balanced law, every case, under the controller's watch.
-    pub fn new() -> Self {
-        let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../config/robots/vision60");
+    /// The balanced law, every case, under the controller's watch, on the robot of this folder or the Vision 60.
+    pub fn new(folder: Option<&str>) -> Self {
+        let own = || Path::new(env!("CARGO_MANIFEST_DIR")).join("../../config/robots/vision60");
+        let folder = folder.map_or_else(own, PathBuf::from);
         let robot = Robot::load(&folder).unwrap_or_else(|error| fail(&error.to_string()));
         Self { robot, balanced: true, quick: false, watched: true, tells_cases: false, gaits: RefCell::default() }
     }
@@ -49,10 +50,34 @@ impl Bench {
         if name == "wide" {
             (request.step_duration_s, request.half_width_m, request.clearance_m) = (0.24, 0.28, 0.1);
         }
-        let planned = plan(&self.robot, &request, &PlanOptions::default(), |_| ControlFlow::Continue(()))
-            .unwrap_or_else(|error| fail(&format!("{name}: {error}")));
-        self.gaits.borrow_mut().insert(name.to_owned(), planned.gait.clone());
-        planned.gait
+        let gait = self.plan(&request).unwrap_or_else(|error| fail(&format!("{name}: {error}")));
+        self.gaits.borrow_mut().insert(name.to_owned(), gait.clone());
+        gait
+    }
+
+    /// A gait for this request, or why there is none.
+    pub fn plan(&self, request: &GaitRequest) -> Result<Gait, PlanError> {
+        Ok(plan(&self.robot, request, &PlanOptions::default(), |_| ControlFlow::Continue(()))?.gait)
+    }
+
+    /// Stepping in place or `walking`, for a robot of any size: by its height, as `tests/robots/table` plans them.
+    pub fn similar(&self, name: &str) -> Gait {
+        let height_m = self.robot.nominal.height_m;
+        let behaviour = if name == "walking" { "amble" } else { "gait1" };
+        let request = GaitRequest::named(behaviour, &self.robot).unwrap_or_else(|error| fail(&error.to_string()));
+        let request = GaitRequest {
+            step_duration_s: height_m.sqrt() / 2.2,
+            clearance_m: 0.14 * height_m,
+            speed_m_s: if name == "walking" { 0.6 * height_m } else { 0.0 },
+            ..request
+        };
+        self.plan(&request).unwrap_or_else(|error| fail(&format!("{name}: {error}")))
+    }
+
+    /// Whether case `n` is left out: with `--quick` seven of eight, but of each group of eight others, so that no side
+    /// or phase is never run.
+    pub fn skips(&self, n: usize) -> bool {
+        self.quick && !(n + n / 8).is_multiple_of(8)
     }
 
     /// The five behaviours in both readings.
@@ -74,11 +99,9 @@ impl Bench {
     /// Runs the trials, or with `--quick` one in eight, and prints how many survived.
     pub fn count(&self, name: &str, trials: impl IntoIterator<Item = (Gait, Trial)>) {
         let (mut survived, mut of) = (0, 0);
-        let share = if self.quick { 8 } else { 1 };
         let mut reasons: BTreeMap<String, u32> = BTreeMap::new();
-        // Every eighth, but of each group of eight another, so that no side or phase is left out.
         for (n, (gait, trial)) in trials.into_iter().enumerate() {
-            if (n + n / 8) % share != 0 {
+            if self.skips(n) {
                 continue;
             }
             of += 1;

@@ -2,6 +2,7 @@
 
 use super::cases::{Bench, velocity};
 use control::Velocity;
+use gait::Gait;
 use tandem_sim_bridge::trial::{Outcome, Sample, Trial};
 
 pub fn undisturbed(bench: &Bench) {
@@ -38,38 +39,52 @@ fn mean(samples: &[Sample], from_s: f64, to_s: f64) -> Option<[f64; 3]> {
     (within.len() > 50).then_some([of(0), of(1), turning])
 }
 
-pub fn driving(bench: &Bench) {
-    const FROM: [(f64, [f64; 3]); 10] = [
-        (0.0, [0.0, 0.0, 0.0]),
-        (3.0, [0.3, 0.0, 0.0]),
-        (7.0, [0.0, 0.0, 0.0]),
-        (10.0, [-0.2, 0.0, 0.0]),
-        (14.0, [0.0, 0.15, 0.0]),
-        (18.0, [0.0, -0.15, 0.0]),
-        (22.0, [0.0, 0.0, 0.4]),
-        (26.0, [0.0, 0.0, -0.4]),
-        (30.0, [0.3, 0.1, 0.3]),
-        (35.0, [0.0, 0.0, 0.0]),
-    ];
+/// What is asked for, each from its time on: seconds; ahead and to the left, m/s, and turning, rad/s.
+pub const FROM: [(f64, [f64; 3]); 10] = [
+    (0.0, [0.0, 0.0, 0.0]),
+    (3.0, [0.3, 0.0, 0.0]),
+    (7.0, [0.0, 0.0, 0.0]),
+    (10.0, [-0.2, 0.0, 0.0]),
+    (14.0, [0.0, 0.15, 0.0]),
+    (18.0, [0.0, -0.15, 0.0]),
+    (22.0, [0.0, 0.0, 0.4]),
+    (26.0, [0.0, 0.0, -0.4]),
+    (30.0, [0.3, 0.1, 0.3]),
+    (35.0, [0.0, 0.0, 0.0]),
+];
+
+/// How far a gait is off what is asked for, a command after the other, once it has settled; and how a trial ended that
+/// did not survive.
+pub fn errors(
+    bench: &Bench,
+    gait: &Gait,
+    from: &[(f64, [f64; 3])],
+    seeds: u64,
+) -> (Vec<[f64; 3]>, Option<(f64, String)>) {
     const SETTLED_S: f64 = 1.2;
     let seconds = 39.0;
+    let (mut errors, mut ended) = (Vec::new(), None);
+    for seed in 0..seeds {
+        let asked = from.iter().map(|(t, [x, y, w])| (*t, velocity(*x, *y, *w))).collect();
+        let mut trial = Trial { seconds, asked, ..Trial::default() };
+        trial.simulator.seed = seed;
+        let outcome = bench.run(gait, trial);
+        for (n, (from_s, asked)) in from.iter().enumerate() {
+            let to_s = from.get(n + 1).map_or(seconds, |next| next.0);
+            if let Some(got) = mean(&outcome.samples, from_s + SETTLED_S, to_s) {
+                errors.push([0, 1, 2].map(|axis: usize| (got[axis] - asked[axis]).abs()));
+            }
+        }
+        ended = ended.or(outcome.ended);
+    }
+    (errors, ended)
+}
+
+pub fn driving(bench: &Bench) {
     for name in ["amble/step", "amble", "gait1", "wide"] {
-        let gait = bench.gait(name);
-        let mut errors = Vec::new();
-        for seed in 0..2 {
-            let asked = FROM.iter().map(|(t, [x, y, w])| (*t, velocity(*x, *y, *w))).collect();
-            let mut trial = Trial { seconds, asked, ..Trial::default() };
-            trial.simulator.seed = seed;
-            let outcome = bench.run(&gait, trial);
-            if let Some((at_s, why)) = &outcome.ended {
-                println!("driving_{name}_{seed} = {why} after {at_s:.1} s");
-            }
-            for (n, (from_s, asked)) in FROM.iter().enumerate() {
-                let to_s = FROM.get(n + 1).map_or(seconds, |next| next.0);
-                if let Some(got) = mean(&outcome.samples, from_s + SETTLED_S, to_s) {
-                    errors.push([0, 1, 2].map(|axis: usize| (got[axis] - asked[axis]).abs()));
-                }
-            }
+        let (errors, ended) = errors(bench, &bench.gait(name), &FROM, 2);
+        if let Some((at_s, why)) = ended {
+            println!("driving_{name} = {why} after {at_s:.1} s");
         }
         let average = |axis: usize| errors.iter().map(|e| e[axis]).sum::<f64>() / errors.len() as f64;
         let most = |axis: usize| errors.iter().map(|e| e[axis]).fold(0.0, f64::max);

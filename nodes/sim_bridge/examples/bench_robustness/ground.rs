@@ -78,7 +78,7 @@ pub fn torture(bench: &Bench) {
     }
 }
 
-fn tortured(seed: u64, noise: f64, bump_m: f64, most_n_s: f64) -> Trial {
+pub fn tortured(seed: u64, noise: f64, bump_m: f64, most_n_s: f64) -> Trial {
     let mut random = Random::new(7000 + seed);
     let mut between = |low: f64, high: f64| low + (high - low) * random.uniform();
     let asked = (0..20)
