@@ -10,10 +10,21 @@ use std::path::Path;
 use tandem_sim_bridge::simulator::{Push, SimulatorOptions, Terrain, Variation};
 use tandem_sim_bridge::trial::{Outcome, Trial, run};
 
+fn vision60() -> Robot {
+    Robot::load(&Path::new(env!("CARGO_MANIFEST_DIR")).join("../../config/robots/vision60")).unwrap()
+}
+
+/// The default amble, but for what `change` asks for.
+fn amble(change: impl FnOnce(&mut GaitRequest)) -> Gait {
+    let robot = vision60();
+    let mut request = GaitRequest::named("amble", &robot).unwrap();
+    change(&mut request);
+    plan(&robot, &request, &PlanOptions::default(), |_| ControlFlow::Continue(())).unwrap().gait
+}
+
 fn walked(trial: &Trial) -> Outcome {
-    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../config/robots/vision60");
     let gait = Gait::from_json(include_str!("../../../tests/gaits/amble.json")).unwrap();
-    run(&Robot::load(&folder).unwrap(), None, &gait, trial).unwrap()
+    run(&vision60(), None, &gait, trial).unwrap()
 }
 
 fn ahead(forward_m_s: f64) -> Vec<(f64, Velocity)> {
@@ -61,14 +72,12 @@ fn a_robot_that_is_told_to_stand_still_does_not_walk_back() {
 #[test]
 fn a_gait_that_is_planned_for_a_slope_does_not_run_away_on_it() {
     const SLOPE_RAD: f64 = 0.087;
-    let robot = Robot::load(&Path::new(env!("CARGO_MANIFEST_DIR")).join("../../config/robots/vision60")).unwrap();
-    let request = GaitRequest { slope_rad: SLOPE_RAD, ..GaitRequest::named("amble", &robot).unwrap() };
-    let gait = plan(&robot, &request, &PlanOptions::default(), |_| ControlFlow::Continue(())).unwrap().gait;
+    let gait = amble(|request| request.slope_rad = SLOPE_RAD);
     let terrain = Terrain::Slope { uphill_rad: SLOPE_RAD, sideways_rad: 0.0 };
     let simulator = SimulatorOptions { terrain, ..Trial::default().simulator };
     for speed_m_s in [0.0, 0.35] {
         let trial = Trial { seconds: 8.0, asked: ahead(speed_m_s), simulator: simulator.clone(), ..Trial::default() };
-        let outcome = run(&robot, None, &gait, &trial).unwrap();
+        let outcome = run(&vision60(), None, &gait, &trial).unwrap();
         assert!(outcome.survived(), "{speed_m_s} m/s: {:?}", outcome.ended);
         let late: Vec<f64> = outcome.samples.iter().filter(|s| s.time_s > 4.0).map(|s| s.velocity[0]).collect();
         let mean_m_s = late.iter().sum::<f64>() / late.len() as f64;
@@ -79,10 +88,7 @@ fn a_gait_that_is_planned_for_a_slope_does_not_run_away_on_it() {
 
 /// Mean velocity ahead, in m/s, of the default amble from the sixth second of `trial` on.
 fn ambled_m_s(trial: &Trial) -> f64 {
-    let robot = Robot::load(&Path::new(env!("CARGO_MANIFEST_DIR")).join("../../config/robots/vision60")).unwrap();
-    let request = GaitRequest::named("amble", &robot).unwrap();
-    let gait = plan(&robot, &request, &PlanOptions::default(), |_| ControlFlow::Continue(())).unwrap().gait;
-    let outcome = run(&robot, None, &gait, trial).unwrap();
+    let outcome = run(&vision60(), None, &amble(|_| ()), trial).unwrap();
     assert!(outcome.survived(), "{:?}", outcome.ended);
     let late: Vec<f64> = outcome.samples.iter().filter(|s| s.time_s > 6.0).map(|s| s.velocity[0]).collect();
     late.iter().sum::<f64>() / late.len() as f64
@@ -110,6 +116,31 @@ fn facing_uphill_it_does_not_slide_down() {
         println!("asked for {speed_m_s} m/s up {incline_rad} rad: {walked_m_s:.3}");
         assert!((walked_m_s - speed_m_s).abs() < 0.15, "asked for {speed_m_s} m/s: {walked_m_s:.3}");
     }
+}
+
+/// As above across the walk, where the second step is none that mirrors the first. It goes uphill at 0.035 and 0.051
+/// m/s; told that the ground rises to the other side, the same gait goes at 0.093 and 0.096: the sign matters.
+#[test]
+fn a_gait_that_is_planned_for_a_sideways_slope_is_not_carried_off_on_it() {
+    const SLOPE_RAD: f64 = 0.087;
+    let gait = amble(|request| request.sideways_slope_rad = SLOPE_RAD);
+    let mut mistaken = gait.clone();
+    mistaken.request["sideways_slope_rad"] = (-SLOPE_RAD).into();
+    let terrain = Terrain::Slope { uphill_rad: 0.0, sideways_rad: SLOPE_RAD };
+    let simulator = SimulatorOptions { terrain, ..Trial::default().simulator };
+    let aside_m_s = |gait: &Gait, speed_m_s: f64| {
+        let trial = Trial { seconds: 10.0, asked: ahead(speed_m_s), simulator: simulator.clone(), ..Trial::default() };
+        let outcome = run(&vision60(), None, gait, &trial).unwrap();
+        // It begins beside its place: the trial puts every robot on a slope as one that was not told of it.
+        let late: Vec<f64> = outcome.samples.iter().filter(|s| s.time_s > 4.0).map(|s| s.velocity[1]).collect();
+        let mean_m_s = late.iter().sum::<f64>() / late.len() as f64;
+        println!("{speed_m_s} m/s: {mean_m_s:.3} m/s aside, {:?}", outcome.ended);
+        if outcome.survived() { mean_m_s.abs() } else { f64::INFINITY }
+    };
+    let right = [0.0, 0.35].map(|speed_m_s| aside_m_s(&gait, speed_m_s));
+    let wrong = [0.0, 0.35].map(|speed_m_s| aside_m_s(&mistaken, speed_m_s));
+    assert!(right.iter().all(|aside_m_s| *aside_m_s < 0.07), "{right:?} m/s aside");
+    assert!(wrong.iter().all(|aside_m_s| *aside_m_s > 0.08), "{wrong:?} m/s aside: this test would not see the sign");
 }
 
 /// What is thrown so hard that joints leave what the robot may do is damped by a fault with a name, and not walked on.
