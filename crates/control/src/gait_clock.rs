@@ -37,6 +37,29 @@ pub(crate) struct Offset {
     pub velocity_rad_s: [f64; JOINTS],
 }
 
+impl Offset {
+    /// Where `new` takes over from `old` at the beginning of a step of `side`.
+    pub fn between(old: &PreparedGait, new: &PreparedGait, side: StepSide) -> Self {
+        let (a, b) = (old.at(side, 0.0), new.at(side, 0.0));
+        Self {
+            position_rad: std::array::from_fn(|j| a.position_rad[j] - b.position_rad[j]),
+            velocity_rad_s: std::array::from_fn(|j| a.velocity_rad_s[j] - b.velocity_rad_s[j]),
+        }
+    }
+
+    /// Whether it can be smoothed out while the robot walks on.
+    pub fn is_small(&self, config: &Config) -> bool {
+        let within = |d: &[f64; JOINTS], limit: f64| d.iter().all(|d| d.abs() <= limit);
+        within(&self.position_rad, config.gait_change_position_rad)
+            && within(&self.velocity_rad_s, config.gait_change_velocity_rad_s)
+    }
+}
+
+/// Whether a walk of `old` goes over to `new` at any switch; else it stops, stands, and begins again with it.
+pub fn may_follow(old: &PreparedGait, new: &PreparedGait, config: &Config) -> bool {
+    StepSide::BOTH.into_iter().all(|side| Offset::between(old, new, side).is_small(config))
+}
+
 /// How much of the gait's motion about its middle posture is walked, and the rate of that.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Growth {

@@ -57,6 +57,7 @@ pub use body_range::BodyRange;
 pub use config::{Config, ConfigError, DriveMode, Posture};
 pub use contact::{ContactEstimator, Contacts};
 pub use controller::Controller;
+pub use gait_clock::may_follow;
 pub use interface::{DampingReason, Input, MAX_REQUESTS, Output, Request};
 // What the interface is made of.
 pub use estimator::Health;

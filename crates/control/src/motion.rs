@@ -377,16 +377,8 @@ impl Motion {
         new: &PreparedGait,
         config: &Config,
     ) -> Progress {
-        let side = clock.side();
-        let (a, b) = (old.at(side, 0.0), new.at(side, 0.0));
-        let offset = Offset {
-            position_rad: std::array::from_fn(|j| a.position_rad[j] - b.position_rad[j]),
-            velocity_rad_s: std::array::from_fn(|j| a.velocity_rad_s[j] - b.velocity_rad_s[j]),
-        };
-        let within = |d: &[f64; JOINTS], limit: f64| d.iter().all(|d| d.abs() <= limit);
-        if !within(&offset.position_rad, config.gait_change_position_rad)
-            || !within(&offset.velocity_rad_s, config.gait_change_velocity_rad_s)
-        {
+        let offset = Offset::between(old, new, clock.side());
+        if !offset.is_small(config) {
             return Progress::GaitIsFar;
         }
         clock.change(new, offset);

@@ -68,6 +68,12 @@ ros::parameters! {
         cmd_vel_walks: bool = flag(false,
             "With balance: a cmd_vel other than zero begins the walk of a robot that stands with a gait; false: only walk does."),
         cmd_vel_stand_s: f64 = setting(&limit::CMD_VEL_STAND_S),
+        plan_for_cmd_vel: bool = flag(false,
+            "With balance: where cmd_vel stays far from the speed that the gait was planned for, the planner is asked for a gait of that speed."),
+        plan_for_cmd_vel_far_m_s: f64 = number(0.15, 0.05..=2.0, "m/s",
+            "With plan_for_cmd_vel: how far linear.x must be from the gait's own speed."),
+        plan_for_cmd_vel_held_s: f64 = number(1.0, 0.5..=60.0, "s",
+            "With plan_for_cmd_vel: for how long, within half of that distance."),
         odometry_rate_hz: f64 = number(50.0, 0.1..=1000.0, "Hz", "With balance: rate of odom and /tf."),
         frame_prefix: String = prefix(
             "With balance: stands before the names of the frames odom and base_link, such as left/."),

@@ -1,6 +1,7 @@
 //! The thread that publishes the cycle's output.
 
 use crate::body_pose;
+use crate::command_gait::CommandGaits;
 use crate::cycle::CycleOutput;
 use crate::dds_bus::{CommandPublisher, OFFERED};
 use crate::drive_reports::DriveReports;
@@ -49,6 +50,7 @@ pub struct Publishers {
     problems: Arc<InputProblems>,
     odometer: Option<Odometer>,
     foot_contacts: Option<FootContactsPublisher>,
+    command_gaits: Option<Arc<CommandGaits>>,
     /// Publishers that hang send no commands and no states.
     pulse: Pulse,
 }
@@ -89,6 +91,7 @@ impl Publishers {
             problems,
             odometer: None,
             foot_contacts: None,
+            command_gaits: None,
             pulse: node.stop().health().watch(),
         })
     }
@@ -97,6 +100,12 @@ impl Publishers {
     #[must_use]
     pub fn with_estimates(self, odometer: Option<Odometer>, foot_contacts: Option<FootContactsPublisher>) -> Self {
         Self { odometer, foot_contacts, ..self }
+    }
+
+    /// Tells the gaits for the command what the cycle does.
+    #[must_use]
+    pub fn telling(self, command_gaits: Option<Arc<CommandGaits>>) -> Self {
+        Self { command_gaits, ..self }
     }
 
     /// Publishes until `cycle_ended`, and every output until then.
@@ -126,6 +135,7 @@ impl Publishers {
     fn print(&mut self, cycle: &CycleOutput, services: &Services) {
         let output = &cycle.output;
         services.set_mode(output.mode);
+        self.command_gaits.iter().for_each(|gaits| gaits.follow(output.cycles, output.mode));
         for (id, reply) in cycle.ids.iter().zip(&output.replies) {
             if *id != 0
                 && let Some(reply) = reply
@@ -264,6 +274,7 @@ impl Publishers {
             }
         }
         values.extend(odometry::diagnostics(output));
+        values.extend(self.command_gaits.iter().map(|gaits| value("plan_for_cmd_vel", gaits.status())));
         if let Some(bus) = &cycle.bus {
             for (n, link) in bus.links[..bus.count].iter().enumerate() {
                 values.push(value(

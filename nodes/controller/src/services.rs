@@ -1,6 +1,7 @@
 //! Callbacks and services: turn messages into values, refuse what is wrong with them, put the rest into the cycle's
 //! buffers.
 
+use crate::command_gait::CommandGaits;
 use crate::cycle::{Asked, TimedInertial};
 use crate::dds_bus;
 use crate::emergency_stop::{EmergencyStop, PUBLISHERS};
@@ -43,6 +44,7 @@ pub struct Services {
     waiting: Mutex<HashMap<u64, Sender<Reply>>>,
     emergency_stop: Arc<EmergencyStop>,
     problems: Arc<InputProblems>,
+    command_gaits: Option<Arc<CommandGaits>>,
     config: Config,
     lease: Arc<Lease>,
     lockstep: bool,
@@ -85,11 +87,18 @@ impl Services {
             waiting: Mutex::default(),
             emergency_stop,
             problems,
+            command_gaits: None,
             config,
             lease: Arc::default(),
             lockstep,
             mode: Mutex::default(),
         }
+    }
+
+    /// Gaits are planned for the command.
+    #[must_use]
+    pub fn planning_for(self, command_gaits: Option<Arc<CommandGaits>>) -> Self {
+        Self { command_gaits, ..self }
     }
 
     /// The cycle's mode.
@@ -196,6 +205,8 @@ impl Services {
     pub fn load(&self, gait: &Gait) -> Result<String, String> {
         let prepared = PreparedGait::new(gait, &self.config).map_err(|e| e.to_string())?;
         let mut gaits = lock(&self.gaits);
+        // Under the lock: what it knows of the gait before is what the cycle was handed last.
+        self.command_gaits.as_ref().map_or(Ok(()), |own| own.take(gait, &prepared))?;
         gaits.1 += 1;
         let number = gaits.1;
         self.recording.gait(number, gait, &prepared);

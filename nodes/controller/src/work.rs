@@ -11,6 +11,7 @@ use crate::foot_contacts::FootContactsPublisher;
 use crate::inputs::InputProblems;
 use crate::odometry::Odometer;
 use crate::others::OtherPublishers;
+use crate::planning;
 use crate::publishers::{PublisherThread, Publishers};
 use crate::recording::{self, Recording, Subject};
 use crate::services::{Sensors, Services};
@@ -136,8 +137,7 @@ impl Work {
         let config = parameters.control(&robot)?;
         let controller = Controller::new(config.clone())?;
         let drives = parameters.bus_file.as_deref().map(|file| open_bus(file, &robot, &config)).transpose()?;
-        let on_bus = drives.is_some();
-        let lockstep = parameters.pace == Pace::Lockstep;
+        let (on_bus, lockstep) = (drives.is_some(), parameters.pace == Pace::Lockstep);
         // Nothing may be lost between two processes that wait for each other; else only the newest counts, and nobody
         // is to send an old one again.
         let fast = if lockstep { dds_bus::OFFERED } else { Qos::best_effort(1) };
@@ -153,17 +153,15 @@ impl Work {
         let others = if on_bus { OtherPublishers::default() } else { OtherPublishers::listen_first(&node)? };
         let (stop, cycle_ended) = (Arc::new(AtomicBool::new(false)), Arc::new(AtomicBool::new(false)));
 
-        // Where the controller's clock is the machine's own, a bag's times count from the epoch all the same.
-        let since_epoch = SystemTime::now().duration_since(UNIX_EPOCH).context("the machine's clock is before 1970")?;
-        let own_clock = on_bus || (!lockstep && parameters.clock == CycleClock::Monotonic);
-        let zero = if own_clock { since_epoch.saturating_sub(monotonic_now()) } else { Duration::ZERO };
+        let (since_epoch, zero) = self.epoch()?;
         let subject = self.subject(&robot, &config, zero);
         let leg_names = subject.leg_names.clone();
         let (cycle_log, recording, writer) = recording::open(subject);
         let recording = Arc::new(recording);
         recording.listen(&node, &leg_names)?;
         let problems = Arc::<InputProblems>::default();
-        let services = Arc::new(Services::new(
+        let command_gaits = parameters.drive.command_gaits(&config);
+        let services = Services::new(
             asked_in,
             gaits_in,
             Arc::clone(&recording),
@@ -171,19 +169,22 @@ impl Work {
             Arc::clone(&problems),
             config.clone(),
             lockstep,
-        ));
+        );
+        let services = Arc::new(services.planning_for(command_gaits.clone()));
         let joint_names = config.joint_names.each_ref().map(|name| format!("{}{name}", parameters.joint_prefix));
         let commands_out =
             (!on_bus).then(|| CommandPublisher::new(&node, joint_names.clone(), commands, lockstep)).transpose()?;
         let every = (parameters.state_every, parameters.joint_states_every);
-        let velocities = parameters.drive.listen(&node, services.gate())?;
+        let velocities = parameters.drive.listen(&node, services.gate(), command_gaits.clone())?;
         let body_poses = BodyPoses::listen(&node, services.gate())?;
         let odometry_every =
             (1.0 / (parameters.drive.odometry_rate_hz * config.control_period_s)).round().max(1.0) as u64;
         let odometer = Odometer::new(&node, &config, &parameters.drive.frame_prefix, odometry_every, on_bus)?;
         let publishers =
             Publishers::new(&node, joint_names.clone(), every, commands_out, Arc::clone(&recording), problems)?
-                .with_estimates(odometer, FootContactsPublisher::new(&node, &robot, parameters.state_every)?);
+                .with_estimates(odometer, FootContactsPublisher::new(&node, &robot, parameters.state_every)?)
+                .telling(command_gaits.clone());
+        planning::begin(&node, command_gaits, &services, &stop)?;
         let writer = std::thread::Builder::new().name("recording".into()).spawn(move || writer.run())?;
         if parameters.record_every_run
             // The robot walks without its recording; the fault stands in diagnostics until one begins.
@@ -271,6 +272,16 @@ impl Work {
             tracing::info!("robot '{}': {note}", robot.name);
         }
         Ok(robot)
+    }
+
+    /// Now since the epoch; and where the controller's clock begins, so that a bag's times count from the epoch also
+    /// where that clock is the machine's own.
+    fn epoch(&self) -> anyhow::Result<(Duration, Duration)> {
+        let Parameters { bus_file, pace, clock, .. } = &self.parameters;
+        let since_epoch = SystemTime::now().duration_since(UNIX_EPOCH).context("the machine's clock is before 1970")?;
+        let own_clock = bus_file.is_some() || (*pace == Pace::Realtime && *clock == CycleClock::Monotonic);
+        let zero = if own_clock { since_epoch.saturating_sub(monotonic_now()) } else { Duration::ZERO };
+        Ok((since_epoch, zero))
     }
 
     /// What is recorded, where the controller's clock counts from `zero` after the epoch.
