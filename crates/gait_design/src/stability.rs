@@ -150,30 +150,62 @@ pub(crate) fn stability_in_parts(
 /// I · C · Φ of one step: of the manifold's coordinates at its start, all of the robot's at its end.
 fn step_map(robot: &Robot, gait: &Gait, points: &[PlanPoint], parts: usize) -> Result<DMatrix<f64>, DynamicsError> {
     let (_, stance, swing) = step_of(points);
+    let ends = end_rows(robot, gait, points, parts)?;
+    let end = points.last().expect("a plan has points");
+    Ok(touchdown(robot, stance, swing, end) * DMatrix::from_fn(2 * DOF, STATE, |r, c| ends[r][c]))
+}
+
+/// Φ of one step, q and then q̇.
+fn end_rows(robot: &Robot, gait: &Gait, points: &[PlanPoint], parts: usize) -> Result<[Row; 2 * DOF], DynamicsError> {
+    #[cfg(target_arch = "x86_64")]
+    if std::arch::is_x86_feature_detected!("avx2") {
+        // SAFETY: this processor has the instructions that the function is compiled for.
+        return unsafe { end_rows_with_avx2(robot, gait, points, parts) };
+    }
+    end_rows_as_compiled(robot, gait, points, parts)
+}
+
+/// [`end_rows_as_compiled`] for processors with registers twice as wide: the same sums to the bit, for none is fused.
+#[cfg(target_arch = "x86_64")]
+#[target_feature(enable = "avx2")]
+fn end_rows_with_avx2(
+    robot: &Robot,
+    gait: &Gait,
+    points: &[PlanPoint],
+    parts: usize,
+) -> Result<[Row; 2 * DOF], DynamicsError> {
+    end_rows_as_compiled(robot, gait, points, parts)
+}
+
+#[inline(always)]
+fn end_rows_as_compiled(
+    robot: &Robot,
+    gait: &Gait,
+    points: &[PlanPoint],
+    parts: usize,
+) -> Result<[Row; 2 * DOF], DynamicsError> {
+    let (_, stance, swing) = step_of(points);
     let mut data = Data::new(&robot.model);
-    let generators: Vec<[Row; ROWS]> = points
-        .iter()
-        .map(|point| generator(robot, gait, &mut data, [stance, swing], point))
-        .collect::<Result<_, _>>()?;
+    let mut generators: Vec<[Row; ROWS]> = Vec::with_capacity(points.len());
+    for point in points {
+        generators.push(generator(robot, gait, &mut data, [stance, swing], point)?);
+    }
     let mut flow = Flow::identity();
     let h = 2.0 * gait.step_duration_s / (points.len() - 1) as f64;
     for interval in generators.windows(3).step_by(2) {
         flow.advance([&interval[0], &interval[1], &interval[2]], h, parts)?;
     }
-    let end = points.last().expect("a plan has points");
     // The last generator's kinematics are the end's.
     let lift = lift(robot, &mut data, stance, swing)?;
-    let spread = |row: &Row| -> Row {
-        let mut sum = [0.0; STATE];
+    let mut ends = [[0.0; STATE]; 2 * DOF];
+    for (sum, row) in ends.iter_mut().zip(lift.position.iter().chain(&lift.velocity)) {
         sum[PLACES..].copy_from_slice(&row[PLACES..]);
         for k in 0..ROWS {
-            generator::add(&mut sum, row[k], &flow.position[k]);
-            generator::add(&mut sum, row[RATES + k], &flow.rate[k]);
+            generator::add(sum, row[k], &flow.position[k]);
+            generator::add(sum, row[RATES + k], &flow.rate[k]);
         }
-        sum
-    };
-    let ends: Vec<Row> = lift.position.iter().chain(&lift.velocity).map(spread).collect();
-    Ok(touchdown(robot, stance, swing, end) * DMatrix::from_fn(2 * DOF, STATE, |r, c| ends[r][c]))
+    }
+    Ok(ends)
 }
 
 /// The manifold's coordinates of the step that starts at a plan's first point, of all of the robot's.
@@ -264,4 +296,22 @@ pub(crate) fn mirror(robot: &Robot) -> DMatrix<f64> {
         }
     }
     s
+}
+
+#[cfg(all(test, target_arch = "x86_64"))]
+mod tests {
+    use super::*;
+    use crate::tests::{as_steps, go_on, vision60};
+
+    #[test]
+    fn wider_registers_give_the_same_flow_to_the_bit() {
+        assert!(std::arch::is_x86_feature_detected!("avx2"), "this processor has no AVX2: there is nothing to compare");
+        let robot = vision60();
+        let plan = crate::plan(&robot, &as_steps("amble", &robot), &Default::default(), go_on).unwrap();
+        let narrow = end_rows_as_compiled(&robot, &plan.gait, &plan.points, PARTS).unwrap();
+        let wide = end_rows(&robot, &plan.gait, &plan.points, PARTS).unwrap();
+        for (a, b) in narrow.as_flattened().iter().zip(wide.as_flattened()) {
+            assert_eq!(a.to_bits(), b.to_bits(), "{a} and {b}");
+        }
+    }
 }

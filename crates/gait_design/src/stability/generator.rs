@@ -43,6 +43,7 @@ pub(super) fn independent(swing: [usize; 2]) -> [usize; ROWS] {
 }
 
 /// Of the posture whose dynamics were last evaluated in `data`.
+#[inline(always)]
 pub(super) fn lift(
     robot: &Robot,
     data: &mut Data,
@@ -90,6 +91,7 @@ pub(super) fn lift(
 }
 
 /// Changes of a toe's velocity by position, and of its acceleration by position and velocity.
+#[inline(always)]
 fn toe_changes(toe: &PointKinematics, first: usize, q: &[Row; DOF], v: &[Row; DOF]) -> ([Row; 3], [Row; 3]) {
     let (mut velocity, mut acceleration) = ([[0.0; STATE]; 3], [[0.0; STATE]; 3]);
     for r in 0..3 {
@@ -102,6 +104,7 @@ fn toe_changes(toe: &PointKinematics, first: usize, q: &[Row; DOF], v: &[Row; DO
     (velocity, acceleration)
 }
 
+#[inline(always)]
 fn along(inverse: &Matrix3<f64>, rows: &[Row; 3]) -> [Row; 3] {
     let mut sums = [[0.0; STATE]; 3];
     for (r, sum) in sums.iter_mut().enumerate() {
@@ -113,6 +116,7 @@ fn along(inverse: &Matrix3<f64>, rows: &[Row; 3]) -> [Row; 3] {
 }
 
 /// G at a point of the plan under the tracking law.
+#[inline(always)]
 pub(super) fn generator(
     robot: &Robot,
     gait: &Gait,
@@ -170,6 +174,7 @@ pub(super) fn generator(
 }
 
 /// By Cholesky's factor, in place. The row at which the matrix is not positive definite, if there is one.
+#[inline(always)]
 fn solve_symmetric(l: &mut [[f64; ROWS]; ROWS], right: &mut [Row; ROWS]) -> Result<(), usize> {
     for c in 0..ROWS {
         for r in c..ROWS {
