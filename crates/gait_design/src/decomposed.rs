@@ -9,16 +9,18 @@ use crate::request::{GaitRequest, check_points};
 use crate::verification::BetweenPoints;
 use crate::{
     Plan, PlanError, PlanOptions, ProgramSettings, Reference, SubproblemSolver, Tolerances, WarmStart, between_points,
-    guess, leg_length_m, not_converged, on_slope, program, program_of, recompose, summary,
+    guess, leg_length_m, not_converged, on_slope, program, program_with_offset, recompose, summary,
 };
 use nlp::{Iteration, NullSpace, Solution, SqpSolver, Status};
-use robot::Robot;
+use robot::{Robot, RobotError};
 use std::ops::ControlFlow;
 
 /// Plans gaits of the decomposed program for one robot, with or without memory of the gaits before.
 pub(crate) struct DecomposedPlanner {
     robot: Robot,
     leg_length_m: f64,
+    /// Found once: it compares the legs' postures and motions.
+    rear_offset_rad: Result<[f64; 6], RobotError>,
     /// The last one used is the last.
     prepared: Vec<Prepared>,
     condensed: Condensed,
@@ -52,6 +54,7 @@ impl DecomposedPlanner {
         Self {
             robot: robot.clone(),
             leg_length_m: leg_length_m(robot),
+            rear_offset_rad: robot.rear_offset_rad(),
             prepared: Vec::new(),
             condensed: Condensed::default(),
             workspace: nlp::Workspace::default(),
@@ -62,6 +65,11 @@ impl DecomposedPlanner {
     /// The robot, on level ground.
     pub fn robot(&self) -> &Robot {
         &self.robot
+    }
+
+    /// Whether the rear legs can do as the front ones across do: the decomposed program has them so.
+    pub fn rear_follows(&self) -> bool {
+        self.rear_offset_rad.is_ok()
     }
 
     /// The plan of a request that the decomposed program knows, on as fine a grid as it needs.
@@ -195,7 +203,7 @@ impl DecomposedPlanner {
             }
             None => {
                 let robot = on_slope(&self.robot, request);
-                let program = program_of(&robot, request, settings.clone())?;
+                let program = program_with_offset(&robot, request, settings.clone(), self.rear_offset_rad.clone()?)?;
                 if self.prepared.len() == MOST_PREPARED {
                     self.prepared.remove(0);
                 }

@@ -11,8 +11,6 @@ use std::ops::ControlFlow;
 /// Plans gaits for one robot, with ([`Planner::with_memory`]) or without memory of the gaits before ([`Planner::new`]).
 pub struct Planner {
     decomposed: DecomposedPlanner,
-    /// Whether the rear legs can do as the front ones across do: the decomposed program has them so.
-    rear_follows: bool,
 }
 
 impl Planner {
@@ -29,7 +27,7 @@ impl Planner {
     }
 
     fn of(robot: &Robot, remembers: bool) -> Self {
-        Self { decomposed: DecomposedPlanner::new(robot, remembers), rear_follows: robot.rear_offset_rad().is_ok() }
+        Self { decomposed: DecomposedPlanner::new(robot, remembers) }
     }
 
     /// [`crate::plan`].
@@ -43,7 +41,7 @@ impl Planner {
         options: &PlanOptions,
         progress: impl FnMut(&Iteration) -> ControlFlow<()>,
     ) -> Result<Plan, PlanError> {
-        if !self.rear_follows || !request.is_decomposable() || options.reference == Reference::InProgram {
+        if !self.decomposed.rear_follows() || !request.is_decomposable() || options.reference == Reference::InProgram {
             return plan_full_order(self.decomposed.robot(), request, options, progress);
         }
         self.decomposed.plan(request, options, progress)
