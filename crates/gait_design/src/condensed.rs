@@ -21,7 +21,9 @@ mod motion;
 use crate::biped::BipedDynamics;
 use crate::program::{COEFFICIENTS, DOF, DecomposedProgram, OUTPUTS, STANCE_ROLL, layout as at, rows};
 use gait::bezier;
-use motion::{Interval, PointRows, move_along, point_rows, stance_roll_coefficients, turning};
+use motion::{
+    Interval, OwnOutputs, PointRows, SpreadOutputs, move_along, point_rows, stance_roll_coefficients, turning,
+};
 use nalgebra::{Matrix3, SMatrix, Vector3};
 use nlp::{
     ArrowQp, ArrowQpError, ArrowRow, DualActiveSet, Evaluation, Own, Problem, Step, Subproblem, SubproblemError,
@@ -82,6 +84,18 @@ fn scaled<const N: usize>(row: &[f64; N], scale: f64) -> [f64; N] {
 fn coefficients(output: usize) -> usize {
     let place = if output < STANCE_ROLL { output } else { output - 1 };
     POLYNOMIALS + COEFFICIENTS * place
+}
+
+/// An output's motion, by the free inputs.
+#[inline(always)]
+fn spread(own: &Own8, coefficients: &[Reduced], duration: &Reduced) -> Reduced {
+    let mut row = [0.0; WIDTH];
+    row[FREE_MAX] = own[COEFFICIENTS + 1];
+    for (value, input) in own.iter().zip(coefficients) {
+        add(&mut row, *value, input);
+    }
+    add(&mut row, own[COEFFICIENTS], duration);
+    row
 }
 
 /// The outputs whose polynomials prescribe their motion: all but the stance hip roll.
@@ -184,44 +198,25 @@ impl Condensed {
     #[inline(always)]
     fn step(&mut self, program: &DecomposedProgram, x: &[f64], constraints: &[f64]) -> Result<Step, SubproblemError> {
         self.rows.clear();
-        self.rows.extend((0..program.points()).map(|point| point_rows(program, point, constraints)));
+        for point in 0..program.points() {
+            self.rows.push(point_rows(program, point, constraints));
+        }
         self.follow_polynomials(program, x, constraints);
         // Along the step twice: once for what the ends need, with all inputs, once more with what the ends leave free. The
         // second time costs less than substituting would.
-        let (rows, outputs) = (&self.rows, &self.outputs);
-        let (last, ends) = (program.points() - 1, &mut self.ends);
-        let subtract_outputs = |point: usize, right: &mut [Affine]| {
-            for i in prescribed() {
-                let first = coefficients(i);
-                for (right, c) in right.iter_mut().zip(outputs[point].felt(&rows[point], i)) {
-                    for (k, value) in c[..COEFFICIENTS].iter().enumerate() {
-                        right[first + k] -= value;
-                    }
-                    right[STEP_DURATION] -= c[COEFFICIENTS];
-                    right[SHIFTS] -= c[COEFFICIENTS + 1];
-                }
-            }
-        };
-        move_along(program, x, constraints, rows, &units(), subtract_outputs, |point, motion| {
+        let (rows, last, ends) = (&self.rows, program.points() - 1, &mut self.ends);
+        let own = OwnOutputs { rows, motion: &self.outputs };
+        move_along(program, x, constraints, rows, &units(), own, |point, motion| {
             if point == 0 || point == last {
                 ends[usize::from(point > 0)].clone_from(motion);
             }
         })?;
         let (free, inputs) = self.tie_ends(program, x, constraints)?;
         self.spread_outputs(&inputs);
-        let (rows, prescribed_motion, unknown) = (&self.rows, &self.prescribed, &mut self.unknown);
-        let subtract_outputs = |point: usize, right: &mut [Reduced]| {
-            let (c, motion) = (&rows[point], &prescribed_motion[point]);
-            for (r, right) in right.iter_mut().enumerate() {
-                for i in prescribed() {
-                    add(right, -c.q[r][6 + i], &motion.q[i]);
-                    add(right, -c.v[r][6 + i], &motion.v[i]);
-                    add(right, -c.a[r][6 + i], &motion.a[i]);
-                }
-            }
-        };
+        let (rows, unknown) = (&self.rows, &mut self.unknown);
+        let spread = SpreadOutputs { rows, motion: &self.prescribed };
         unknown.clear();
-        move_along(program, x, constraints, rows, &inputs, subtract_outputs, |_, motion| unknown.push(motion.clone()))?;
+        move_along(program, x, constraints, rows, &inputs, spread, |_, motion| unknown.push(motion.clone()))?;
         self.find_forces(program, constraints);
         let roll = stance_roll_coefficients(program, x, constraints, &self.unknown, &inputs)?;
         self.assemble(program, x, constraints, free, &inputs, &roll);
@@ -241,19 +236,6 @@ impl Condensed {
     /// Forgets which rows were active: what it gives next depends on nothing before.
     pub(crate) fn forget(&mut self) {
         self.solver.forget();
-    }
-}
-
-impl Motion<OUTPUTS, Own8> {
-    /// What an output's motion adds to the seven rows of its point.
-    #[inline(always)]
-    fn felt(&self, rows: &PointRows, output: usize) -> [Own8; 7] {
-        std::array::from_fn(|r| {
-            let mut sum = scaled(&self.q[output], rows.q[r][6 + output]);
-            add(&mut sum, rows.v[r][6 + output], &self.v[output]);
-            add(&mut sum, rows.a[r][6 + output], &self.a[output]);
-            sum
-        })
     }
 }
 
@@ -311,18 +293,9 @@ impl Condensed {
         for (to, from) in self.prescribed.iter_mut().zip(&self.outputs) {
             for i in prescribed() {
                 let inputs_of = &inputs[coefficients(i)..coefficients(i) + COEFFICIENTS];
-                let spread = |own: &Own8| {
-                    let mut row = [0.0; WIDTH];
-                    row[FREE_MAX] = own[COEFFICIENTS + 1];
-                    for (value, input) in own.iter().zip(inputs_of) {
-                        add(&mut row, *value, input);
-                    }
-                    add(&mut row, own[COEFFICIENTS], &inputs[STEP_DURATION]);
-                    row
-                };
-                to.q[i] = spread(&from.q[i]);
-                to.v[i] = spread(&from.v[i]);
-                to.a[i] = spread(&from.a[i]);
+                to.q[i] = spread(&from.q[i], inputs_of, &inputs[STEP_DURATION]);
+                to.v[i] = spread(&from.v[i], inputs_of, &inputs[STEP_DURATION]);
+                to.a[i] = spread(&from.a[i], inputs_of, &inputs[STEP_DURATION]);
             }
         }
     }
@@ -335,18 +308,17 @@ impl Condensed {
             let d = program.dynamics(point);
             let g = &g[rows::COUNT * point..rows::COUNT * (point + 1)];
             // Both bipeds' base rows: J_1bᵀ δλ1 + J_2bᵀ δλ2 = net, with J_b = [I K].
-            let net: [Reduced; 6] = std::array::from_fn(|r| {
-                let mut sum = [0.0; WIDTH];
+            let mut net: [Reduced; 6] = [[0.0; WIDTH]; 6];
+            for (r, sum) in net.iter_mut().enumerate() {
                 for i in TURNING {
-                    add(&mut sum, d.front.dtau_dq[(r, i)] + d.rear.dtau_dq[(r, i)], m.q(i));
-                    add(&mut sum, d.front.dtau_dv[(r, i)] + d.rear.dtau_dv[(r, i)], m.v(i));
+                    add(sum, d.front.dtau_dq[(r, i)] + d.rear.dtau_dq[(r, i)], m.q(i));
+                    add(sum, d.front.dtau_dv[(r, i)] + d.rear.dtau_dv[(r, i)], m.v(i));
                 }
                 for i in 0..DOF {
-                    add(&mut sum, d.front.mass_matrix[(r, i)] + d.rear.mass_matrix[(r, i)], m.a(i));
+                    add(sum, d.front.mass_matrix[(r, i)] + d.rear.mass_matrix[(r, i)], m.a(i));
                 }
                 sum[FREE_MAX] += g[rows::FRONT + r] + g[rows::REAR_BASE + r];
-                sum
-            });
+            }
             let (k1, k2) = (turning(&d.rear.stance.jacobian), turning(&d.front.stance.jacobian));
             let n = (k2 - k1).transpose();
             let direction = (d.front.stance.position - d.rear.stance.position).normalize();
@@ -369,25 +341,12 @@ impl Condensed {
                 out.lambda_1[r] = net[r];
                 add(&mut out.lambda_1[r], -1.0, &row);
             }
-            // A leg's torques feel the body and the leg's own joints; the stance leg's the ground force as well.
-            let torque = |biped: &BipedDynamics, r: usize, own: Range<usize>, residual: f64| {
-                let mut sum = [0.0; WIDTH];
-                for i in (3..6).chain(own.clone()) {
-                    add(&mut sum, biped.dtau_dq[(6 + r, i)], m.q(i));
-                    add(&mut sum, biped.dtau_dv[(6 + r, i)], m.v(i));
-                }
-                for i in (0..6).chain(own) {
-                    add(&mut sum, biped.mass_matrix[(6 + r, i)], m.a(i));
-                }
-                sum[FREE_MAX] += residual;
-                sum
-            };
             let (j2, j1) = (&d.front.stance.jacobian, &d.rear.stance_jacobian_own);
             for i in 0..6 {
                 // The rear biped's legs follow the front one's diagonally.
                 let (own, opposite) = if i < 3 { (6..9, 9..DOF) } else { (9..DOF, 6..9) };
-                out.front_torque[i] = torque(&d.front, i, own, g[rows::FRONT + 6 + i]);
-                out.rear_torque[i] = torque(&d.rear, i, opposite, g[rows::REAR_TORQUE + i]);
+                out.front_torque[i] = torque(m, &d.front, i, own, g[rows::FRONT + 6 + i]);
+                out.rear_torque[i] = torque(m, &d.rear, i, opposite, g[rows::REAR_TORQUE + i]);
                 for k in 0..3 {
                     add(&mut out.front_torque[i], -j2[(k, 6 + i)], &out.lambda_2[k]);
                     add(&mut out.rear_torque[i], -j1[(k, 6 + i)], &out.lambda_1[k]);
@@ -585,6 +544,21 @@ impl Condensed {
         }
         p
     }
+}
+
+/// A leg's torque without the ground force's share: it feels the body and the leg's own joints.
+#[inline(always)]
+fn torque(m: Along, biped: &BipedDynamics, r: usize, own: Range<usize>, residual: f64) -> Reduced {
+    let mut sum = [0.0; WIDTH];
+    for i in (3..6).chain(own.clone()) {
+        add(&mut sum, biped.dtau_dq[(6 + r, i)], m.q(i));
+        add(&mut sum, biped.dtau_dv[(6 + r, i)], m.v(i));
+    }
+    for i in (0..6).chain(own) {
+        add(&mut sum, biped.mass_matrix[(6 + r, i)], m.a(i));
+    }
+    sum[FREE_MAX] += residual;
+    sum
 }
 
 /// All coordinates of a point.

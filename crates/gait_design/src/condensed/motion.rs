@@ -75,8 +75,7 @@ impl<'a> Interval<'a> {
 }
 
 /// Part 1: q, q̇, q̈ of the unknown coordinates at every point, as affine functions of whatever the inputs are
-/// functions of. `subtract_outputs` takes what the prescribed outputs add to a point's rows from their right-hand
-/// sides; `each` gets the points one after the other.
+/// functions of; `each` gets the points one after the other.
 #[inline(always)]
 pub(super) fn move_along<const N: usize>(
     program: &DecomposedProgram,
@@ -84,27 +83,13 @@ pub(super) fn move_along<const N: usize>(
     g: &[f64],
     rows: &[PointRows],
     inputs: &[[f64; N]; INPUTS],
-    subtract_outputs: impl Fn(usize, &mut [[f64; N]]),
+    outputs: impl Outputs<N>,
     mut each: impl FnMut(usize, &Motion<7, [f64; N]>),
 ) -> Result<(), SubproblemError> {
     let constant = N - 1;
     let duration = &inputs[STEP_DURATION];
     // An interval's three points; the last is the next one's first.
     let [mut start, mut middle, mut end]: [Motion<7, [f64; N]>; 3] = Default::default();
-    let right_hand_side = |point: usize, motion: &Motion<7, [f64; N]>, right: &mut [[f64; N]]| {
-        let c = &rows[point];
-        for (r, right) in right.iter_mut().enumerate() {
-            let mut sum = [0.0; N];
-            sum[constant] = -c.residual[r];
-            for k in FELT {
-                add(&mut sum, -c.q[r][UNKNOWN[k]], &motion.q[k]);
-                add(&mut sum, -c.v[r][UNKNOWN[k]], &motion.v[k]);
-            }
-            *right = sum;
-        }
-        subtract_outputs(point, right);
-    };
-
     let first = &mut start;
     first.q[0] = [0.0; N];
     first.q[0][constant] = -x[at::point(0) + at::Q];
@@ -116,7 +101,8 @@ pub(super) fn move_along<const N: usize>(
     first.v[6] = inputs[ROLL + 1];
     let mut matrix: [[f64; 7]; 7] = std::array::from_fn(|r| UNKNOWN.map(|u| rows[0].a[r][u]));
     let mut right = [[0.0; N]; 7];
-    right_hand_side(0, first, &mut right);
+    known_part(&rows[0], first, &mut right);
+    outputs.subtract(0, &mut right);
     solve_square(&mut matrix, &mut right)?;
     first.a = right;
     each(0, &start);
@@ -165,8 +151,10 @@ pub(super) fn move_along<const N: usize>(
             }
         }
         let (of_middle, of_end) = right.split_at_mut(7);
-        right_hand_side(p1, &middle, of_middle);
-        right_hand_side(p1 + 1, &end, of_end);
+        known_part(c1, &middle, of_middle);
+        known_part(c2, &end, of_end);
+        outputs.subtract(p1, of_middle);
+        outputs.subtract(p1 + 1, of_end);
         solve_square(&mut matrix, &mut right)?;
         for k in 0..7 {
             let (a1, a2) = (&right[k], &right[7 + k]);
@@ -185,6 +173,72 @@ pub(super) fn move_along<const N: usize>(
         std::mem::swap(&mut start, &mut end);
     }
     Ok(())
+}
+
+/// The prescribed outputs' motion, of which `subtract` takes what it adds to a point's rows from their right-hand
+/// sides. (A closure in its place would not be compiled for the processor at hand.)
+pub(super) trait Outputs<const N: usize> {
+    fn subtract(&self, point: usize, right: &mut [[f64; N]]);
+}
+
+/// By each output's own coefficients, T, and the constant.
+pub(super) struct OwnOutputs<'a> {
+    pub(super) rows: &'a [PointRows],
+    pub(super) motion: &'a [Motion<OUTPUTS, Own8>],
+}
+
+impl Outputs<{ SHIFTS + 1 }> for OwnOutputs<'_> {
+    #[inline(always)]
+    fn subtract(&self, point: usize, right: &mut [Affine]) {
+        let (rows, motion) = (&self.rows[point], &self.motion[point]);
+        for i in prescribed() {
+            let first = coefficients(i);
+            for (r, right) in right.iter_mut().enumerate() {
+                let mut felt = scaled(&motion.q[i], rows.q[r][6 + i]);
+                add(&mut felt, rows.v[r][6 + i], &motion.v[i]);
+                add(&mut felt, rows.a[r][6 + i], &motion.a[i]);
+                for (k, value) in felt[..COEFFICIENTS].iter().enumerate() {
+                    right[first + k] -= value;
+                }
+                right[STEP_DURATION] -= felt[COEFFICIENTS];
+                right[SHIFTS] -= felt[COEFFICIENTS + 1];
+            }
+        }
+    }
+}
+
+/// By what the end rows leave free.
+pub(super) struct SpreadOutputs<'a> {
+    pub(super) rows: &'a [PointRows],
+    pub(super) motion: &'a [Motion<OUTPUTS, Reduced>],
+}
+
+impl Outputs<WIDTH> for SpreadOutputs<'_> {
+    #[inline(always)]
+    fn subtract(&self, point: usize, right: &mut [Reduced]) {
+        let (c, motion) = (&self.rows[point], &self.motion[point]);
+        for (r, right) in right.iter_mut().enumerate() {
+            for i in prescribed() {
+                add(right, -c.q[r][6 + i], &motion.q[i]);
+                add(right, -c.v[r][6 + i], &motion.v[i]);
+                add(right, -c.a[r][6 + i], &motion.a[i]);
+            }
+        }
+    }
+}
+
+/// The right-hand sides of a point's rows, by what of its motion is known already.
+#[inline(always)]
+fn known_part<const N: usize>(rows: &PointRows, motion: &Motion<7, [f64; N]>, right: &mut [[f64; N]]) {
+    for (r, right) in right.iter_mut().enumerate() {
+        let mut sum = [0.0; N];
+        sum[N - 1] = -rows.residual[r];
+        for k in FELT {
+            add(&mut sum, -rows.q[r][UNKNOWN[k]], &motion.q[k]);
+            add(&mut sum, -rows.v[r][UNKNOWN[k]], &motion.v[k]);
+        }
+        *right = sum;
+    }
 }
 
 /// The base's rotational part of a toe's Jacobian.
