@@ -7,7 +7,9 @@ use crate::problem::{
 use crate::qp::Qp;
 use std::ops::ControlFlow;
 
+mod acceleration;
 mod ending;
+use acceleration::Acceleration;
 pub use ending::{Settings, SettingsError, Status};
 
 /// The most broken constraint.
@@ -86,6 +88,11 @@ const NAMED: usize = 5;
 /// Steps are extrapolated where the subproblem promises at most this, relative to max(1, |f|): further out the steps are not
 /// yet those of one linear map.
 const TAIL: f64 = 1e-5;
+/// A promise is foreseen to shrink as the last one did, but not by more than the first share (one that fell further fell
+/// by luck); where the last one shrank by less than to the second, nothing is foreseen.
+const SHRINKS: [f64; 2] = [0.1, 0.2];
+/// Foreseen so, it ends a solve where it is at most this share of what is tolerated.
+const FORESEEN_SHARE: f64 = 0.5;
 /// A step shorter than this is no progress.
 const SHORTEST_STEP: f64 = 1e-8;
 
@@ -294,25 +301,22 @@ impl SqpSolver {
             }
             iteration.step_length = if accepted { length } else { 0.0 };
             log.push(iteration);
-            if progress(log.last().expect("pushed above")).is_break() {
+            // As where a subproblem finds the solve at its end, the iteration that ends it is not asked about.
+            let ends = accepted && self.ended_by(problem, next, &log, scale);
+            if !ends && progress(log.last().expect("pushed above")).is_break() {
                 break Status::Cancelled;
             }
             // Relaxed, and the linear model sees no way to break the constraints less: a stationary point of violation.
             let stuck = relaxed && broken_here - broken_there <= 1e-6 * broken_here;
             if !accepted || (stuck && !feasible) {
-                break if feasible {
-                    Status::NumericalTrouble { reason: "no step improves the point".into() }
-                } else if relaxed {
-                    Status::Infeasible { fighting: self.broken(problem, at) }
-                } else {
-                    Status::NumericalTrouble {
-                        reason: "the line search found no step that brings the constraints nearer".into(),
-                    }
-                };
+                break self.without_step(problem, at, feasible, relaxed);
             }
             x.copy_from_slice(&trial);
             std::mem::swap(at, next);
             next.jacobian_wanted = subproblem.needs_jacobian();
+            if ends {
+                break Status::Converged;
+            }
         };
         let worst = worst(problem, at);
         Ok(Solution { status, x, objective: at.objective, worst, multipliers, log })
@@ -330,6 +334,33 @@ impl SqpSolver {
             return Some(Status::Acceptable);
         }
         (iteration.number > self.settings.max_iterations).then_some(Status::IterationLimit)
+    }
+
+    /// Whether the step to `at` ends the solve, without another subproblem to say so: what that would promise is foreseen.
+    /// Near a solution the steps shrink by a constant factor, and so do their promises.
+    fn ended_by<P: Problem>(&self, problem: &P, at: &Evaluation, log: &[Iteration], scale: f64) -> bool {
+        let [.., before, last] = log else { return false };
+        let full = |i: &Iteration| i.step_length == 1.0 && !i.elastic;
+        let (promised_before, promised) = (before.predicted_decrease.abs(), last.predicted_decrease.abs());
+        let shrinks = promised / promised_before;
+        full(before)
+            && full(last)
+            && shrinks <= SHRINKS[1]
+            && promised * shrinks.max(SHRINKS[0]) <= FORESEEN_SHARE * self.settings.objective_tolerance * scale
+            && is_finite(at)
+            && worst(problem, at).amount <= self.settings.constraint_tolerance
+    }
+
+    /// How a solve ends where no step leads on.
+    fn without_step<P: Problem>(&self, problem: &P, at: &Evaluation, feasible: bool, relaxed: bool) -> Status {
+        let trouble = |reason: &str| Status::NumericalTrouble { reason: reason.into() };
+        if feasible {
+            trouble("no step improves the point")
+        } else if relaxed {
+            Status::Infeasible { fighting: self.broken(problem, at) }
+        } else {
+            trouble("the line search found no step that brings the constraints nearer")
+        }
     }
 
     /// The step whose linearised constraints are corrected by what the full step left over (Nocedal & Wright, 18.36).
@@ -365,68 +396,6 @@ impl SqpSolver {
         all.sort_by(|a, b| b.0.total_cmp(&a.0));
         all.truncate(NAMED);
         all.into_iter().map(|(amount, i)| Violation { name: problem.constraint_name(i), amount }).collect()
-    }
-}
-
-/// Anderson acceleration (Walker & Ni, SIAM J. Numer. Anal. 49, 2011) of the last iterations. With a Gauss–Newton Hessian the
-/// steps p shrink by a constant factor there: x ↦ x + p(x) is nearly linear, and the last few points and steps give its fixed
-/// point. Steps are measured by the subproblem's Hessian, the unit in which the objective does.
-#[derive(Default)]
-struct Acceleration {
-    /// The last point and its step.
-    last: Option<(Vec<f64>, Vec<f64>)>,
-    /// Differences of consecutive points and of their steps, the newest last.
-    differences: Vec<(Vec<f64>, Vec<f64>)>,
-}
-
-/// Differences that are kept. A third one gains nothing on the gaits.
-const DEPTH: usize = 2;
-
-impl Acceleration {
-    fn forget(&mut self) {
-        self.last = None;
-        self.differences.clear();
-    }
-
-    /// Where the points so far and the step from `x` lead to, if they tell.
-    fn extrapolate<P: Problem>(&mut self, problem: &P, at: &Evaluation, x: &[f64], step: &[f64]) -> Option<Vec<f64>> {
-        if let Some((x_before, step_before)) = self.last.replace((x.to_vec(), step.to_vec())) {
-            if self.differences.len() == DEPTH {
-                self.differences.remove(0);
-            }
-            let minus = |a: &[f64], b: &[f64]| a.iter().zip(b).map(|(a, b)| a - b).collect::<Vec<f64>>();
-            self.differences.push((minus(x, &x_before), minus(step, &step_before)));
-        }
-        // Least squares |p − Σ γ Δp| by Gram–Schmidt from the newest difference on.
-        let mut residual = step.to_vec();
-        let mut target: Vec<f64> = x.iter().zip(step).map(|(x, p)| x + p).collect();
-        let mut basis: Vec<(Vec<f64>, Vec<f64>, f64)> = Vec::new();
-        for (dx, dp) in self.differences.iter().rev() {
-            let size = bilinear(problem, at, dp, dp);
-            let (mut dx, mut dp) = (dx.clone(), dp.clone());
-            for (ex, ep, square) in &basis {
-                let share = bilinear(problem, at, &dp, ep) / square;
-                subtract(&mut dp, share, ep);
-                subtract(&mut dx, share, ex);
-            }
-            let square = bilinear(problem, at, &dp, &dp);
-            // A difference that repeats the newer ones tells nothing.
-            if square <= 1e-6 * size {
-                break;
-            }
-            let share = bilinear(problem, at, &residual, &dp) / square;
-            subtract(&mut residual, share, &dp);
-            subtract(&mut target, share, &dx);
-            subtract(&mut target, share, &dp);
-            basis.push((dx, dp, square));
-        }
-        (!basis.is_empty()).then_some(target)
-    }
-}
-
-fn subtract(from: &mut [f64], scale: f64, what: &[f64]) {
-    for (f, w) in from.iter_mut().zip(what) {
-        *f -= scale * w;
     }
 }
 

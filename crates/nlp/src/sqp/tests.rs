@@ -134,6 +134,30 @@ fn a_linear_tail_is_extrapolated() {
 }
 
 #[test]
+fn a_solve_that_ends_with_a_step_has_what_was_foreseen_of_it() {
+    let mut foreseen = 0;
+    // A fifth of the error is left by a plain step: the promises shrink by 25.
+    for away in [5e-4, 1e-3, 1.3e-3, 1.6e-3, 3e-3, 1e-2] {
+        let from = |start: &[f64]| {
+            let mut bowl = bowl_with_a_cautious_hessian();
+            bowl.derivatives = |x, e| {
+                e.gradient.copy_from_slice(&[x[0] - 1.0, 4.0 * (x[1] + 2.0)]);
+                e.jacobian.fill(1.0);
+                e.hessian.copy_from_slice(&[1.25, 0.0, 5.0]);
+            };
+            solve(bowl, start)
+        };
+        let solution = from(&[1.0 + away, -2.0 + 0.1 * away]);
+        assert_eq!(solution.status, Status::Converged);
+        foreseen += usize::from(solution.log.last().unwrap().step_length == 1.0);
+        // The subproblem that was saved promises no more than is tolerated.
+        let again = from(&solution.x);
+        assert_eq!(again.iterations(), 1, "{away}: {:?}", again.log);
+    }
+    assert!(foreseen > 0, "no solve ended with a step");
+}
+
+#[test]
 fn a_tail_that_gains_next_to_nothing_ends_acceptable_and_says_so_and_a_broken_constraint_never_does() {
     let settings = Settings {
         acceptable_tolerance: 1e-3,
