@@ -79,6 +79,10 @@ fn mean_ms_by(
 fn times(robot: &Robot) {
     let cold = mean_ms(robot, &PlanOptions::default(), ROUNDS);
     println!("cold_mean_ms = {cold:.3}");
+    // What a plan costs that is asked for on the next finer grid.
+    let mut of_21_points = PlanOptions::default();
+    of_21_points.program.points = 21;
+    println!("cold_21_points_ratio = {:.2}", mean_ms(robot, &of_21_points, ROUNDS) / cold);
 
     let large = PlanOptions { subproblem: SubproblemSolver::Eliminated, ..PlanOptions::default() };
     let large_ms = mean_ms(robot, &large, 5);
@@ -128,6 +132,12 @@ fn times(robot: &Robot) {
         println!("{name}_iterations_mean = {:.2}", f64::from(iterations) / 1000.0);
     }
 
+    growth(robot);
+    parts(robot);
+}
+
+/// How the time grows with the points.
+fn growth(robot: &Robot) {
     let amble = GaitRequest::named("amble", robot).expect("a behaviour's own name");
     // By a planner that is set up, from the guess; the fastest, since a longer solve is interrupted more often.
     let of_points = |points: usize| {
@@ -142,7 +152,6 @@ fn times(robot: &Robot) {
         times.fold(f64::INFINITY, f64::min)
     };
     println!("points_81_over_11 = {:.2}", of_points(81) / of_points(11));
-    parts(robot);
 }
 
 /// Numbers between 0 and 1, the same ones every time (Knuth's MMIX generator).
