@@ -163,7 +163,8 @@ impl PreparedGait {
                 }
             }
         }
-        prepared.lateral_room_m = config.balance.as_ref().map(|balance| prepared.lateral_room(balance));
+        let sharing = config.balance.as_ref().filter(|balance| balance.pairs_share_shift);
+        prepared.lateral_room_m = sharing.map(|balance| prepared.lateral_room(balance));
         Ok(prepared)
     }
 

@@ -227,3 +227,20 @@ fn a_joint_at_its_velocity_limit_is_driven_no_faster() {
     assert!(torque_nm(true, 0.0) > 10.0, "{}", torque_nm(true, 0.0));
     assert!(torque_nm(false, 0.0) > 10.0, "{}", torque_nm(false, 0.0));
 }
+
+/// To the right and to the left, on both sides of the robot; and not where a recording that is older has every leg
+/// shift alike.
+#[test]
+fn the_room_of_the_toes_is_mirrored_and_older_recordings_know_of_none() {
+    let room = |config| Bench::new(config).gait.lateral_room_m().copied();
+    let mut older = config(true);
+    older.balance.as_mut().unwrap().pairs_share_shift = false;
+    assert_eq!((room(older), room(config(false))), (None, None));
+    let [front_left, rear_left, front_right, rear_right] = room(config(true)).unwrap();
+    for (left, right) in [(front_left, front_right), (rear_left, rear_right)] {
+        assert!(left[0] < 0.0 && left[1] > 0.0, "{left:?}");
+        assert!((left[0] + right[1]).abs() < 2e-3 && (left[1] + right[0]).abs() < 2e-3, "{left:?} {right:?}");
+        // It stands wide: outward there is less room.
+        assert!(left[1] < -left[0] && right[1] > -right[0], "{left:?} {right:?}");
+    }
+}

@@ -109,7 +109,8 @@ impl Shape<'_> {
     fn shifts(&self, swings: [bool; 4]) -> [Vector2<f64>; 4] {
         let shift = Vector2::from(self.ground.shift_m);
         let Some(room_m) = self.gait.lateral_room_m() else { return [shift; 4] };
-        let within = |leg: usize, y: f64| y.clamp(room_m[leg][0], room_m[leg][1]);
+        // A damaged recording may have the bounds the wrong way round, at which `clamp` panics.
+        let within = |leg: usize, y: f64| y.max(room_m[leg][0]).min(room_m[leg][1]);
         std::array::from_fn(|leg| {
             let missing: f64 = (0..4)
                 .filter(|&other| other != leg && swings[other] == swings[leg])
