@@ -195,7 +195,8 @@ impl Simulator {
         }
         self.data.kinematics();
         let lowest = self.toe_geoms.iter().map(|&toe| self.data.geom_xpos()[toe][2]).fold(f64::INFINITY, f64::min);
-        self.data.qpos_mut()[2] = self.toe_radius_m - lowest + self.options.terrain.lift_m();
+        let lift_m = self.options.terrain.lift_m(&self.toe_positions_m());
+        self.data.qpos_mut()[2] = self.toe_radius_m - lowest + lift_m;
         self.first_height_m = -lowest;
         self.data.forward();
         if posture == Posture::Sit {
@@ -220,7 +221,7 @@ impl Simulator {
         let [x, y, z] = initial.base_position_m;
         let [qx, qy, qz, qw] = initial.base_quaternion_xyzw;
         let qpos = self.data.qpos_mut();
-        qpos[..7].copy_from_slice(&[x, y, z + self.options.terrain.lift_m(), qw, qx, qy, qz]);
+        qpos[..7].copy_from_slice(&[x, y, z, qw, qx, qy, qz]);
         for j in 0..JOINTS {
             qpos[self.position_at[j]] = initial.joint_position_rad[j] + noise[j];
         }
@@ -231,6 +232,8 @@ impl Simulator {
             qvel[self.velocity_at[j]] = initial.joint_velocity_rad_s[j];
         }
         self.first_height_m = z - self.toe_radius_m;
+        self.data.kinematics();
+        self.data.qpos_mut()[2] = z + self.options.terrain.lift_m(&self.toe_positions_m());
         self.data.forward();
         Ok(())
     }

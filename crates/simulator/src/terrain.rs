@@ -101,12 +101,15 @@ impl Terrain {
         [-pitch.sin() * roll.cos(), -roll.sin(), -pitch.cos() * roll.cos()].map(|g| g * crate::GRAVITY_M_S2)
     }
 
-    /// How far above the nominal floor a robot is put down so that no toe starts inside the ground, m.
-    pub(crate) fn lift_m(&self) -> f64 {
+    /// How far above the nominal floor a robot is put down whose toes are there in the world, so that none starts
+    /// inside the ground, m: the field of heights would hold it fast for seconds.
+    pub(crate) fn lift_m(&self, toes_m: &[[f64; 3]]) -> f64 {
         match *self {
             Self::Rough { height_m, .. } => height_m,
             Self::Ramp { .. } => self.ground_m(0.0, 0.0),
-            Self::Hills { bump_m, .. } => self.ground_m(0.0, 0.0) + bump_m,
+            Self::Hills { bump_m, .. } => {
+                bump_m + toes_m.iter().map(|&[x, y, _]| self.ground_m(x, y)).fold(0.0, f64::max)
+            }
             _ => 0.0,
         }
     }
