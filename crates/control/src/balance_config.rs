@@ -47,6 +47,15 @@ pub struct BalanceConfig {
     pub angular_acceleration_rad_s2: f64,
     /// Rate of the integral of the speed's error, 1/s.
     pub speed_integral_rate_s: f64,
+    /// Share of the speed's error that is answered at once, by the legs that stand.
+    #[serde(default)]
+    pub speed_gain: f64,
+    /// … where the error is small against this, m/s. Recordings that are older answer none.
+    #[serde(default)]
+    pub speed_gain_range_m_s: f64,
+    /// Velocity for each m that a driven robot is away from where its commands have led to, 1/s.
+    #[serde(default)]
+    pub path_gain_s: f64,
     /// Turning for each rad of heading error, 1/s.
     pub heading_gain_s: f64,
     /// Velocity for each m from the place to be held, 1/s.
@@ -121,7 +130,10 @@ impl BalanceConfig {
             shift_rate_share: 0.18,
             acceleration_m_s2: 0.26 * speed_m_s,
             angular_acceleration_rad_s2: 1.0,
-            speed_integral_rate_s: 0.1,
+            speed_integral_rate_s: 0.0,
+            speed_gain: 1.0,
+            speed_gain_range_m_s: 0.035 * speed_m_s,
+            path_gain_s: 0.1,
             heading_gain_s: 1.0,
             position_gain_s: 0.5,
             command_timeout_s: setting::CMD_VEL_TIMEOUT_S.default,
@@ -129,7 +141,7 @@ impl BalanceConfig {
             estimate_patience_s: 0.05,
             limited_patience_s: 0.5,
             caught_tracking_error_rad: 0.5,
-            caught_tracking_error_s: 0.06,
+            caught_tracking_error_s: 0.1,
             speed_fade_share: 0.2,
             velocity_limit: VelocityLimit {
                 forward_m_s: 0.43 * speed_m_s,
@@ -162,6 +174,9 @@ impl BalanceConfig {
             ("balance.acceleration_m_s2", self.acceleration_m_s2, 0.01, 100.0),
             ("balance.angular_acceleration_rad_s2", self.angular_acceleration_rad_s2, 0.01, 100.0),
             ("balance.speed_integral_rate_s", self.speed_integral_rate_s, 0.0, 10.0),
+            ("balance.speed_gain", self.speed_gain, 0.0, 10.0),
+            ("balance.speed_gain_range_m_s", self.speed_gain_range_m_s, 0.0, 10.0),
+            ("balance.path_gain_s", self.path_gain_s, 0.0, 10.0),
             ("balance.heading_gain_s", self.heading_gain_s, 0.0, 10.0),
             ("balance.position_gain_s", self.position_gain_s, 0.0, 10.0),
             (

@@ -59,6 +59,9 @@ const HOLD_M: f64 = 0.5;
 /// A place is held from where the robot has become slower than this, m/s: one that is taken while it still goes on is
 /// gone back to.
 const HOLD_BELOW_M_S: f64 = 0.05;
+/// The farthest that a driven robot is taken to be behind or beside where its commands have led to, m: what a push or a
+/// slope has carried it away by is not made up for.
+const PATH_M: f64 = 0.2;
 /// Slower than this is at rest, m/s; or turning, rad/s.
 const REST_M_S: f64 = 1e-3;
 
@@ -76,6 +79,19 @@ pub(super) struct Drive {
     integral: [f64; 2],
     /// The place that is held while it is to rest, m, world.
     held_m: Option<[f64; 2]>,
+    /// Where the command has led to; none at rest. Recordings that are older know of none.
+    #[serde(default)]
+    path: Option<Path>,
+}
+
+/// Where a robot would be that had gone as it was commanded.
+#[derive(Clone, Copy, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
+#[serde(deny_unknown_fields)]
+struct Path {
+    /// The slewed command alone, in the heading frame, m/s.
+    velocity: [f64; 2],
+    /// m, world.
+    place_m: [f64; 2],
 }
 
 /// What the legs are to do.
@@ -96,12 +112,19 @@ impl Drive {
             filtered: [0.0; 2],
             integral: [0.0; 2],
             held_m: None,
+            path: None,
         }
     }
 
-    /// The velocity that the legs are to walk now.
-    pub fn driven(&self) -> Driven {
-        Driven { velocity: Vector2::from(self.velocity) + Vector2::from(self.integral), yaw_rad_s: self.yaw_rad_s }
+    /// The velocity that the legs are to walk now. An error of speed is answered in proportion as long as it is small:
+    /// one that a push makes is the placement's to catch, and stance legs that run after it take away what it stands on.
+    pub fn driven(&self, config: &BalanceConfig) -> Driven {
+        let error = Vector2::from(self.filtered);
+        let small = config.speed_gain_range_m_s;
+        let answered =
+            if small > 0.0 { config.speed_gain / (1.0 + error.norm_squared() / (small * small)) } else { 0.0 };
+        let velocity = Vector2::from(self.velocity) + Vector2::from(self.integral) - answered * error;
+        Driven { velocity, yaw_rad_s: self.yaw_rad_s }
     }
 
     /// One cycle towards `asked`.
@@ -124,18 +147,27 @@ impl Drive {
         self.yaw_rad_s += (turning - self.yaw_rad_s).clamp(-most, most);
         // Place.
         let mut wanted = asked_velocity;
+        let most = config.acceleration_m_s2 * dt_s;
         if asked_velocity.iter().any(|v| v.abs() >= REST_M_S) {
             self.held_m = None;
-        } else if self.held_m.is_some() || self.is_slow() {
-            let correction = to_heading(self.away_from_held_place(estimate)).map(|d| config.position_gain_s * d);
-            for axis in 0..2 {
-                wanted[axis] += correction[axis].clamp(-HOLD_M_S[axis], HOLD_M_S[axis]);
+            if config.path_gain_s > 0.0 {
+                let correction = to_heading(self.away_from_path(asked_velocity, estimate, most, dt_s));
+                for axis in 0..2 {
+                    wanted[axis] += config.path_gain_s * correction[axis];
+                }
+            }
+        } else {
+            self.path = None;
+            if self.held_m.is_some() || self.is_slow() {
+                let correction = to_heading(self.away_from_held_place(estimate)).map(|d| config.position_gain_s * d);
+                for axis in 0..2 {
+                    wanted[axis] += correction[axis].clamp(-HOLD_M_S[axis], HOLD_M_S[axis]);
+                }
             }
         }
         // Speed.
         let [vx, vy, _] = estimate.velocity_m_s();
         let measured = to_heading([vx, vy]);
-        let most = config.acceleration_m_s2 * dt_s;
         for axis in 0..2 {
             let error = measured[axis] - self.velocity[axis];
             self.filtered[axis] += dt_s / SPEED_FILTER_S * (error - self.filtered[axis]);
@@ -148,6 +180,21 @@ impl Drive {
     /// Whether the robot hardly moves, its sway within a step left out.
     fn is_slow(&self) -> bool {
         (0..2).all(|axis| (self.velocity[axis] + self.filtered[axis]).abs() < HOLD_BELOW_M_S)
+    }
+
+    /// From the robot to the place that the command has led to, m, world. The command is slewed by `most` at once.
+    fn away_from_path(&mut self, asked: [f64; 2], estimate: &Estimator, most: f64, dt_s: f64) -> [f64; 2] {
+        let [x, y, _] = estimate.position_m();
+        let mut path = self.path.unwrap_or(Path { velocity: self.velocity, place_m: [x, y] });
+        for axis in 0..2 {
+            path.velocity[axis] += (asked[axis] - path.velocity[axis]).clamp(-most, most);
+        }
+        let ([ahead, left], (sine, cosine)) = (path.velocity, self.heading_rad.sin_cos());
+        let walked = dt_s * Vector2::new(cosine * ahead - sine * left, sine * ahead + cosine * left);
+        let away = (Vector2::from(path.place_m) + walked - Vector2::new(x, y)).cap_magnitude(PATH_M);
+        path.place_m = [x + away.x, y + away.y];
+        self.path = Some(path);
+        away.into()
     }
 
     /// From the robot to the place that is held, m, world; the place follows a robot that was carried away.
@@ -169,3 +216,6 @@ impl Drive {
 pub(super) fn wrapped(angle: f64) -> f64 {
     angle - std::f64::consts::TAU * (angle / std::f64::consts::TAU).round()
 }
+
+#[cfg(test)]
+mod tests;

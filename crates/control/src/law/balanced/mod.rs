@@ -268,7 +268,7 @@ impl Balance {
             config: cycle.config,
             gait: cycle.gait,
             side: self.side(),
-            driven: self.drive.driven(),
+            driven: self.drive.driven(cycle.config),
             own_velocity: Vector2::from(self.own_velocity) * cycle.share,
             middle_rad: self.middle_rad,
             share: cycle.share,
