@@ -50,21 +50,6 @@ fn the_model_weighs_what_the_robot_weighs() {
     assert!((mass - vision60().model.total_mass()).abs() < 1e-9, "{mass}");
 }
 
-/// A toe that starts inside a field of heights is held by it for seconds, as by no ground.
-#[test]
-fn no_toe_starts_inside_rolling_or_rough_ground() {
-    let hills = Terrain::Hills { incline_rad: 10_f64.to_radians(), bump_m: 0.03 };
-    for terrain in [hills, Terrain::Rough { height_m: 0.08, cell_m: 0.2 }] {
-        for seed in 0..10 {
-            let mut simulator = simulator(SimulatorOptions { terrain, seed, ..SimulatorOptions::default() });
-            simulator.reset_to_gait(&amble()).unwrap();
-            assert_eq!(simulator.state().toe_force_n, [[0.0; 3]; 4], "{terrain:?}, seed {seed}: in a gait");
-            simulator.reset_to_posture(Posture::Stand);
-            assert_eq!(simulator.state().toe_force_n, [[0.0; 3]; 4], "{terrain:?}, seed {seed}: standing");
-        }
-    }
-}
-
 /// In the air MuJoCo's accelerations are those of the project's own articulated-body algorithm.
 #[test]
 fn accelerations_in_flight_agree_with_our_own_dynamics() {

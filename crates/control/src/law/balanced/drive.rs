@@ -117,7 +117,8 @@ impl Drive {
     }
 
     /// The velocity that the legs are to walk now. An error of speed is answered in proportion as long as it is small:
-    /// one that a push makes is the placement's to catch, and stance legs that run after it take away what it stands on.
+    /// one that a push makes is the placement's to catch, and stance legs that run after it take away what the body
+    /// stands on.
     pub fn driven(&self, config: &BalanceConfig) -> Driven {
         let error = Vector2::from(self.filtered);
         let small = config.speed_gain_range_m_s;
