@@ -94,6 +94,25 @@ def page_s(browser):
     return values["ScriptDuration"], values["TaskDuration"]
 
 
+def shown(browser):
+    """Pictures a second that Chromium laid on the screen, by its own trace. A page may draw more than are shown: those of an OffscreenCanvas
+    that come late give way to the next one."""
+    page, browser.session = browser.session, None
+    browser.call("Tracing.start", traceConfig={"includedCategories": ["viz"]}, transferMode="ReportEvents")
+    time.sleep(SECONDS)
+    browser.call("Tracing.end")
+
+    def complete():
+        browser.call("Target.getTargets")
+        return any(event["method"] == "Tracing.tracingComplete" for event in browser.events)
+
+    wait_until(complete, 60, "Chromium's trace")
+    browser.session = page
+    parts = [event["params"]["value"] for event in browser.events if event["method"] == "Tracing.dataCollected"]
+    times = sorted(entry["ts"] for part in parts for entry in part if entry["name"] == "DirectRenderer::DrawFrame" and entry["ph"] in "XB")
+    return (len(times) - 1) / (times[-1] - times[0]) * 1e6
+
+
 def main():
     what, runs = sys.argv[1], int(sys.argv[2]) if len(sys.argv) > 2 else 3
     size = sys.argv[3] if len(sys.argv) > 3 else "1280x800"
@@ -118,6 +137,7 @@ def main():
                 print(f"{what} {run + 1}: {len(gaps) / (times[-1] - times[0]) * 1000:.1f} pictures a second, longest gap {max(gaps):.0f} ms, {mode}; "
                       f"a picture: {script_ms:.2f} ms of script, {tasks_ms:.2f} ms of the page's thread; "
                       + ", ".join(f"{name} {share:.0%}" for share, name in shares), flush=True)
+            print(f"shown, while Chromium traces itself: {shown(browser):.1f} pictures a second", flush=True)
             browser.picture(folder / "page.png")
             local = browser.run("performance.getEntriesByType('resource').every((entry) => entry.name.startsWith(location.origin))")
             print(f"{folder}/page.png; requests to this host only: {local}; errors of the console: {browser.problems()}")

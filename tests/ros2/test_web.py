@@ -246,6 +246,41 @@ def test_an_open_page_is_no_heartbeat_and_a_press_damps_until_the_page_releases(
     stream.join()
 
 
+# Of a robot whose ground forces change: lines drawn for a picture after 0.75 m and after 22 m straight ahead, and
+# canvases made for 60 pictures.
+COUNT_DRAWN = """(async () => {
+  let lines = 0, canvases = 0;
+  const lineTo = CanvasRenderingContext2D.prototype.lineTo, received = take, Plain = OffscreenCanvas;
+  CanvasRenderingContext2D.prototype.lineTo = function (...at) { lines++; return lineTo.apply(this, at); };
+  OffscreenCanvas = class extends Plain { constructor(...size) { super(...size); canvases++; } };
+  take = (frame) => received({ ...frame, force: frame.force.map((force) => force && [force[0], force[1], 100 + 40 * (frame.n % 7)]) });
+  const walked = (points) => { trail.length = 0; for (let n = points; n >= 0; n--) trail.push([newest.points[0] - 30 * n, newest.points[1]]); };
+  const count = async (points) => {
+    walked(points); lines = 0;
+    for (let n = 0; n < 30; n++) await new Promise(requestAnimationFrame);
+    return lines / 30;
+  };
+  return { short: await count(25), long: await count(749), canvases };
+})()"""
+
+
+@pytest.mark.skipif(CHROMIUM is None, reason="there is no Chromium: apt-get install chromium")
+def test_pictures_do_not_become_slower_as_the_robot_walks_on(robot, view, tmp_path):
+    if robot.states[-1].mode != "standing":
+        robot.stand()
+    from at_browser import Browser
+
+    with Browser(CHROMIUM, tmp_path / "profile", f"{view.origin}/") as browser:
+        browser.wait("document.body?.dataset.ready === 'yes' && frames.length > 10 && newest.points && newest.force.every(Boolean)", 20)
+        drawn = browser.run(COUNT_DRAWN)
+        print(f"lines a picture: {drawn['short']:.0f} after 0.75 m, {drawn['long']:.0f} after 22 m")
+        assert drawn["short"] > 50, "grid, legs and forces are drawn"
+        # 22 m are 749 pieces, of which few are longer than five pixels of the screen.
+        assert drawn["long"] < drawn["short"] + 150
+        assert drawn["canvases"] == 0, "none is made for a picture"
+        assert browser.problems() == []
+
+
 @pytest.mark.skipif(CHROMIUM is None, reason="there is no Chromium: apt-get install chromium")
 def test_the_page_works_in_chromium(robot, view, tmp_path):
     """Chromium on the page itself: no error of the console, the robot moves on the canvas, the button stops the robot."""
