@@ -131,7 +131,7 @@ impl BalanceConfig {
             acceleration_m_s2: 0.26 * speed_m_s,
             angular_acceleration_rad_s2: 1.0,
             speed_integral_rate_s: 0.0,
-            speed_gain: 1.0,
+            speed_gain: 0.3,
             speed_gain_range_m_s: 0.035 * speed_m_s,
             path_gain_s: 0.1,
             heading_gain_s: 1.0,
