@@ -225,6 +225,10 @@ messages! { "tandem_msgs";
         /// Choose the step duration and the half-width, each where it is not given, for the smallest largest
         /// multiplier.
         stable: bool,
+        /// Speed to the left, m/s; negative is to the right; 0: none.
+        lateral_speed_m_s: f64,
+        /// Yaw rate, rad/s; positive turns to the left; 0: none.
+        yaw_rate_rad_s: f64,
     }
     /// The plan, or why there is none.
     GenerateGaitResponse {

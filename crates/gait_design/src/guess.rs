@@ -22,28 +22,32 @@ pub struct Unreachable {
 }
 
 impl Unreachable {
-    /// `toe` is the place out of reach from a hip at `hip_x_m`.
+    /// `toe` is the place out of reach from a hip at `hip_x_m`, in the body's axes or such that are parallel to them.
     pub(crate) fn new(robot: &Robot, request: &GaitRequest, leg: usize, toe: Vector3<f64>, hip_x_m: f64) -> Self {
         Self {
             leg: robot.legs[leg].name.replace('_', " "),
             below_m: request.height_m - toe.z,
-            outward_m: request.half_width_m,
+            outward_m: toe.y.abs(),
             ahead_m: toe.x - hip_x_m,
         }
     }
 }
 
 /// Where a toe is at a phase of the step while the body glides: stance toes stay, swing toes follow a smooth arc.
-pub(crate) fn glide(request: &GaitRequest, hip_x_m: f64, phase: f64, is_stance: bool, is_left: bool) -> Vector3<f64> {
+fn glide(request: &GaitRequest, hip_x_m: f64, phase: f64, is_stance: bool, is_left: bool) -> Vector3<f64> {
     let y = if is_left { request.half_width_m } else { -request.half_width_m };
     let length = request.speed_m_s * request.step_duration_s;
     if is_stance {
         return Vector3::new(hip_x_m + length / 2.0, y, 0.0);
     }
-    // Both ends at rest: 2 L s for the toe while the body moves L s.
-    let along = phase - (2.0 * PI * phase).sin() / (2.0 * PI);
-    let lift = request.clearance_m * (PI * phase).sin().powi(2);
-    Vector3::new(hip_x_m - length / 2.0 + 2.0 * length * along, y, lift)
+    // 2 L s for the toe while the body moves L s.
+    let (along, lift) = swing_arc(phase);
+    Vector3::new(hip_x_m - length / 2.0 + 2.0 * length * along, y, request.clearance_m * lift)
+}
+
+/// How far along its way a swing toe is at a phase of the step, and how high over the clearance: at rest at both ends.
+pub(crate) fn swing_arc(phase: f64) -> (f64, f64) {
+    (phase - (2.0 * PI * phase).sin() / (2.0 * PI), (PI * phase).sin().powi(2))
 }
 
 /// The vector of unknowns that a program's solve starts from without another solution.

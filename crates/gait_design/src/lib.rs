@@ -18,8 +18,10 @@ mod decomposed;
 mod full_order;
 mod guess;
 pub mod library;
+mod limits;
 mod memory;
 mod nearest;
+mod planar;
 mod planner;
 mod program;
 mod recompose;
@@ -33,11 +35,12 @@ mod verification;
 pub use biped::BipedPair;
 pub use certificate::certificate;
 pub use condensed::Condensed;
-pub use full_order::{FullOrderProgram, plan_full_order};
+pub use full_order::plan_full_order;
 pub use guess::{Unreachable, nominal};
+pub use limits::ProgramSettings;
 pub use nearest::{Changed, Nearest, Refusal, nearest, plan_or_nearest};
 pub use planner::Planner;
-pub use program::{DecomposedProgram, ProgramSettings};
+pub use program::DecomposedProgram;
 pub use recompose::PlanPoint;
 pub use request::{
     GaitRequest, RequestError, TableOne, behaviours, step_duration_from_step_frequency,

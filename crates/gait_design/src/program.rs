@@ -6,6 +6,7 @@
 //! none. In the first step, which is the one planned, toes 1 and 2 stand, toes 0 and 3 swing.
 
 use crate::biped::{BipedPair, FRONT_SWING, PointDynamics, REAR_SWING};
+use crate::limits::{Limits, ProgramSettings, keeps_stance_roll};
 use crate::request::GaitRequest;
 use gait::bezier;
 use nlp::{Bounds, Evaluation, Pattern, Problem};
@@ -44,47 +45,6 @@ pub(crate) mod layout {
     }
 }
 use layout as at;
-
-/// Settings of the program that are no part of a request.
-#[derive(Clone, Debug, PartialEq)]
-pub struct ProgramSettings {
-    /// Hermite–Simpson points, 2N + 1: odd, 5 to 161; more where the plan breaks something between them.
-    pub points: usize,
-    /// Weight of ‖u‖² over all twelve torques, 1/(N m)². It settles the internal force along the stance diagonal; left out on
-    /// any leg, that force builds up and the gait falls.
-    pub torque_weight: f64,
-    /// Weight of ‖q̈_f‖².
-    pub acceleration_weight: f64,
-    /// How far the body may leave the height asked for, m.
-    pub height_tolerance_m: f64,
-    /// How far the distance between the two stance toes may differ from the one asked for, m.
-    pub toe_distance_tolerance_m: f64,
-    /// Smallest normal force of a stance toe, as a share of the robot's weight.
-    pub normal_force_min_share: f64,
-    /// Bound of roll, pitch and yaw, rad.
-    pub orientation_limit_rad: f64,
-    /// How far the swing toes may miss the clearance in the middle of the step, m.
-    pub clearance_tolerance_m: f64,
-    /// How far above the clearance a swing toe may ever be, m.
-    pub clearance_margin_m: f64,
-}
-
-impl Default for ProgramSettings {
-    fn default() -> Self {
-        Self {
-            points: 11,
-            torque_weight: 1e-6,
-            acceleration_weight: 1e-7,
-            height_tolerance_m: 0.01,
-            toe_distance_tolerance_m: 0.005,
-            // 30 N on the Vision 60.
-            normal_force_min_share: 30.0 / (38.0 * 9.81),
-            orientation_limit_rad: 0.3,
-            clearance_tolerance_m: 0.005,
-            clearance_margin_m: 0.01,
-        }
-    }
-}
 
 /// Rows of one point's block, in order.
 pub(crate) mod rows {
@@ -125,7 +85,7 @@ pub struct DecomposedProgram {
     speed_m_s: f64,
     friction_face: f64,
     mirror: robot::Mirror,
-    toe_distance_squared: [f64; 2],
+    limits: Limits,
     bounds: Bounds,
     jacobian: Pattern,
     hessian: Pattern,
@@ -166,7 +126,7 @@ impl DecomposedProgram {
             speed_m_s: 0.0,
             friction_face: 0.0,
             mirror: robot.mirror,
-            toe_distance_squared: [0.0; 2],
+            limits: Limits::default(),
             bounds: Bounds {
                 variable_lower: Vec::new(),
                 variable_upper: Vec::new(),
@@ -192,14 +152,13 @@ impl DecomposedProgram {
 
     /// Makes it the program of another request, which has been validated, to the same robot on the same slope.
     pub(crate) fn ask(&mut self, robot: &Robot, request: &GaitRequest) {
-        let distance = self.bipeds.nominal_toe_distance_m(request.half_width_m);
-        let tolerance = self.settings.toe_distance_tolerance_m;
+        let distance_m = self.bipeds.nominal_toe_distance_m(request.half_width_m);
+        self.limits = Limits::of(robot, request, &self.settings, distance_m);
         self.speed_m_s = request.speed_m_s;
         self.friction_face = request.friction / std::f64::consts::SQRT_2;
-        self.toe_distance_squared = [(distance - tolerance).powi(2), (distance + tolerance).powi(2)];
         self.bipeds.with_derivatives = true;
-        self.set_variable_bounds(robot, request);
-        self.set_constraint_bounds(request);
+        self.set_variable_bounds(robot);
+        self.set_constraint_bounds();
         self.set_objective();
     }
 
@@ -208,8 +167,8 @@ impl DecomposedProgram {
         self.settings.points
     }
 
-    fn normal_force_min_n(&self) -> f64 {
-        self.settings.normal_force_min_share * self.bipeds.total_mass_kg() * 9.81
+    pub(crate) fn limits(&self) -> &Limits {
+        &self.limits
     }
 
     pub(crate) fn bipeds(&self) -> &BipedPair {
@@ -243,14 +202,8 @@ impl DecomposedProgram {
         point as f64 / (self.points() - 1) as f64
     }
 
-    /// Points that keep the ÿ row of the stance hip roll: with y = ẏ = 0 at the first point four determine its six
-    /// coefficients, and every further one repeats the fixed distance of the stance toes.
-    pub(crate) fn keeps_stance_roll(&self, point: usize) -> bool {
-        (1..=4).any(|k| (k * (self.points() - 1)) / 5 == point)
-    }
-
-    fn set_variable_bounds(&mut self, robot: &Robot, request: &GaitRequest) {
-        let s = &self.settings;
+    fn set_variable_bounds(&mut self, robot: &Robot) {
+        let limits = &self.limits;
         let mut lower = std::mem::take(&mut self.bounds.variable_lower);
         let mut upper = std::mem::take(&mut self.bounds.variable_upper);
         lower.clear();
@@ -279,37 +232,22 @@ impl DecomposedProgram {
                 &std::array::from_fn::<f64, 6, _>(|j| joint_upper[j] + spare[j % 3]),
             );
         }
-        let t = request.step_duration_s;
-        let tolerance = GaitRequest::STEP_DURATION_TOLERANCE;
-        push(&[t * (1.0 - tolerance)], &[t * (1.0 + tolerance)]);
-        let height = request.height_m;
-        let angle = s.orientation_limit_rad;
-        let rate = robot.limits.velocity_rad_s;
-        let torque: [f64; 6] = std::array::from_fn(|j| request.torque_limit_nm[j % 3]);
-        let normal_force_min_n = self.normal_force_min_n();
-        let reach = 0.5 + (request.speed_m_s * t).abs();
-        for point in 0..s.points {
+        push(&[limits.step_duration_s[0]], &[limits.step_duration_s[1]]);
+        let joint_rate: [f64; 6] = std::array::from_fn(|j| limits.joint_rate_rad_s[j % 3]);
+        let torque: [f64; 6] = std::array::from_fn(|j| limits.torque_nm[j % 3]);
+        for point in 0..self.settings.points {
             // x starts at 0: where the step begins is free.
-            let x = if point == 0 { 0.0 } else { reach };
-            push(
-                &[-x, -0.3, height - s.height_tolerance_m, -angle, -angle, -angle],
-                &[x, 0.3, height + s.height_tolerance_m, angle, angle, angle],
-            );
+            let x = if point == 0 { 0.0 } else { limits.reach_m };
+            push(&[-x], &[x]);
+            push(&limits.base[0], &limits.base[1]);
             push(&joint_lower, &joint_upper);
-            // Far outside what a gait needs; they only keep the first subproblems from running away.
-            let base_rate = [4.0, 4.0, 4.0, 6.0, 6.0, 6.0];
-            push(&base_rate.map(|v| -v), &base_rate);
-            let joint_rate: [f64; 6] = std::array::from_fn(|j| rate[j % 3]);
+            push(&limits.base_rate.map(|v| -v), &limits.base_rate);
             push(&joint_rate.map(|v| -v), &joint_rate);
-            let acceleration: [f64; DOF] = std::array::from_fn(|i| match i {
-                0..3 => 100.0,
-                3..6 => 300.0,
-                _ => 3000.0,
-            });
-            push(&acceleration.map(|v| -v), &acceleration);
+            push(&limits.base_acceleration.map(|v| -v), &limits.base_acceleration);
+            push(&[-limits.joint_acceleration_rad_s2; 6], &[limits.joint_acceleration_rad_s2; 6]);
             push(&torque.map(|v| -v), &torque);
             for _ in 0..2 {
-                push(&[-1e3, -1e3, normal_force_min_n], &[1e3, 1e3, 3e3]);
+                push(&limits.force_n[0], &limits.force_n[1]);
             }
             push(&[-1e4; 6], &[1e4; 6]);
             push(&torque.map(|v| -v), &torque);
@@ -318,32 +256,20 @@ impl DecomposedProgram {
         self.bounds.variable_upper = upper;
     }
 
-    fn set_constraint_bounds(&mut self, request: &GaitRequest) {
+    fn set_constraint_bounds(&mut self) {
         let mut lower = std::mem::take(&mut self.bounds.constraint_lower);
         let mut upper = std::mem::take(&mut self.bounds.constraint_upper);
         lower.clear();
         upper.clear();
         let last = self.points() - 1;
-        let clearance = request.clearance_m;
-        let s = &self.settings;
         for point in 0..self.points() {
             let mut l = [0.0; rows::COUNT];
             let mut u = [0.0; rows::COUNT];
-            if !self.keeps_stance_roll(point) {
+            if !keeps_stance_roll(point, self.points()) {
                 (l[rows::OUTPUT + STANCE_ROLL], u[rows::OUTPUT + STANCE_ROLL]) = (f64::NEG_INFINITY, f64::INFINITY);
             }
             u[rows::FRICTION..rows::SWING].fill(f64::INFINITY);
-            let phase = self.phase(point);
-            let (low, high) = if point == 0 || point == last {
-                // Implied by the mirror; stated loosely only to keep the first subproblems sensible.
-                (-0.05, 0.05)
-            } else if 2 * point == last {
-                (clearance - s.clearance_tolerance_m, clearance + s.clearance_tolerance_m)
-            } else if (0.2..=0.8).contains(&phase) {
-                (1.2 * clearance * phase * (1.0 - phase), clearance + s.clearance_margin_m)
-            } else {
-                (0.0, clearance + s.clearance_margin_m)
-            };
+            let [low, high] = self.limits.swing_height_m(point, self.points());
             l[rows::SWING..rows::SWING + 2].fill(low);
             u[rows::SWING..rows::SWING + 2].fill(high);
             lower.extend_from_slice(&l);
@@ -352,8 +278,8 @@ impl DecomposedProgram {
         let equalities = rows::INTERVAL * (last / 2) + rows::FIRST - 1;
         lower.extend(std::iter::repeat_n(0.0, equalities));
         upper.extend(std::iter::repeat_n(0.0, equalities));
-        lower.push(self.toe_distance_squared[0]);
-        upper.push(self.toe_distance_squared[1]);
+        lower.push(self.limits.toe_distance_squared_m2[0]);
+        upper.push(self.limits.toe_distance_squared_m2[1]);
         lower.extend([0.0; rows::BOUNDARY]);
         upper.extend([0.0; rows::BOUNDARY]);
         self.bounds.constraint_lower = lower;

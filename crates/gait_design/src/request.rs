@@ -18,6 +18,14 @@ pub struct GaitRequest {
     pub clearance_m: f64,
     /// Forward speed, m/s; negative is backward.
     pub speed_m_s: f64,
+    /// Speed to the left, m/s; negative is to the right. Other than 0 two steps are planned, by the full-order program
+    /// ([`crate::plan_full_order`]).
+    #[serde(default, skip_serializing_if = "is_zero")]
+    pub lateral_speed_m_s: f64,
+    /// Yaw rate, rad/s; positive turns to the left. Speeds are in axes that turn along. Other than 0 two steps are
+    /// planned, on level ground only: on a slope a turning gait does not repeat.
+    #[serde(default, skip_serializing_if = "is_zero")]
+    pub yaw_rate_rad_s: f64,
     /// Hip axes above the toe centres, m.
     pub height_m: f64,
     /// Lateral distance of a stance toe from the mid plane, m.
@@ -103,6 +111,19 @@ pub enum RequestError {
         /// Unit of all three.
         unit: &'static str,
     },
+    /// A gait that turns, on a slope.
+    #[error(
+        "yaw_rate_rad_s is {yaw_rate_rad_s} and {slope} is {slope_rad}: a gait that turns repeats on level ground only, \
+         expected one of them to be 0"
+    )]
+    TurnsOnSlope {
+        /// rad/s.
+        yaw_rate_rad_s: f64,
+        /// Which slope.
+        slope: &'static str,
+        /// rad.
+        slope_rad: f64,
+    },
 }
 
 /// A column of the paper's Table I: what was asked there and how its solver did (FROST with IPOPT, i7-6820HQ).
@@ -151,6 +172,8 @@ impl GaitRequest {
             step_duration_s: step_duration_from_stride_frequency(frequency_hz),
             clearance_m,
             speed_m_s,
+            lateral_speed_m_s: 0.0,
+            yaw_rate_rad_s: 0.0,
             height_m: robot.nominal.height_m,
             half_width_m: width * robot.nominal.half_width_m,
             slope_rad: 0.0,
@@ -162,8 +185,8 @@ impl GaitRequest {
         })
     }
 
-    /// Refuses values that are not finite or outside what this planner is made for. `leg_length_m` is the longest
-    /// distance from a hip axis to its toe.
+    /// Refuses values that are not finite or outside what this planner is made for, and turning on a slope.
+    /// `leg_length_m` is the longest distance from a hip axis to its toe.
     pub fn validate(&self, leg_length_m: f64) -> Result<(), RequestError> {
         for (field, value, lower, upper, unit) in self.ranges(leg_length_m) {
             // Written so that a value that is not a number is refused too.
@@ -171,12 +194,20 @@ impl GaitRequest {
                 return Err(RequestError::OutOfRange { field, value, lower, upper, unit });
             }
         }
+        for (slope, slope_rad) in [("slope_rad", self.slope_rad), ("sideways_slope_rad", self.sideways_slope_rad)] {
+            if self.yaw_rate_rad_s != 0.0 && slope_rad != 0.0 {
+                return Err(RequestError::TurnsOnSlope { yaw_rate_rad_s: self.yaw_rate_rad_s, slope, slope_rad });
+            }
+        }
         Ok(())
     }
 
     /// Whether the second step is the mirror image of the first.
     pub fn is_mirrored(&self) -> bool {
-        self.sideways_slope_rad == 0.0 && self.torso_roll_rad == 0.0
+        self.sideways_slope_rad == 0.0
+            && self.torso_roll_rad == 0.0
+            && self.lateral_speed_m_s == 0.0
+            && self.yaw_rate_rad_s == 0.0
     }
 
     /// Whether the decomposed program can plan it, in which the rear legs' joints are the front ones'.
@@ -185,7 +216,7 @@ impl GaitRequest {
     }
 
     /// Every number of the request, under one name, in a fixed order.
-    pub(crate) const FIELDS: usize = 13;
+    pub(crate) const FIELDS: usize = 15;
 
     /// (field, value, smallest, largest, unit) of every number of the request.
     pub(crate) fn ranges(&self, leg_length_m: f64) -> [(&'static str, f64, f64, f64, &'static str); Self::FIELDS] {
@@ -199,6 +230,8 @@ impl GaitRequest {
             ("half_width_m", self.half_width_m, 0.0, legs(0.8), "m"),
             ("clearance_m", self.clearance_m, 0.0, 0.5 * self.height_m, "m"),
             ("speed_m_s", self.speed_m_s, -2.0, 2.0, "m/s"),
+            ("lateral_speed_m_s", self.lateral_speed_m_s, -1.0, 1.0, "m/s"),
+            ("yaw_rate_rad_s", self.yaw_rate_rad_s, -2.0, 2.0, "rad/s"),
             ("slope_rad", self.slope_rad, -0.35, 0.35, "rad"),
             ("sideways_slope_rad", self.sideways_slope_rad, -0.35, 0.35, "rad"),
             ("torso_pitch_rad", self.torso_pitch_rad, -0.25, 0.25, "rad"),
@@ -219,6 +252,8 @@ impl GaitRequest {
             &mut self.half_width_m,
             &mut self.clearance_m,
             &mut self.speed_m_s,
+            &mut self.lateral_speed_m_s,
+            &mut self.yaw_rate_rad_s,
             &mut self.slope_rad,
             &mut self.sideways_slope_rad,
             &mut self.torso_pitch_rad,

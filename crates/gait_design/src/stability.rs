@@ -21,7 +21,9 @@
 //!
 //! Where the second step is no mirror image of the first (a sideways slope, a rolled torso) it is the map of a stride,
 //!
-//! > P = (I · C · Φ)₂ · (I · C · Φ)₁.
+//! > P = G⁻¹ · (I · C · Φ)₂ · (I · C · Φ)₁,
+//!
+//! where G is the turn of a gait that turns, by how much the robot heads elsewhere after a stride.
 //!
 //! Where the robot is and, on level ground, where it is heading do not matter to it: x, y and yaw have multipliers of
 //! modulus 1 by symmetry, which are set apart. On a slope only x and y are. If all the others are inside the unit
@@ -99,7 +101,8 @@ pub(crate) fn stability_in_parts(
         on_manifold(robot, points) * mirror(robot) * first_step
     } else {
         let second_step = step_map(robot, gait, second_points, parts)?;
-        on_manifold(robot, points) * second_step * on_manifold(robot, second_points) * first_step
+        let turned_back = turned_by(-stride_yaw_rad(gait, points, second_points));
+        on_manifold(robot, points) * turned_back * second_step * on_manifold(robot, second_points) * first_step
     };
 
     // The iteration for eigenvalues would not end.
@@ -282,6 +285,24 @@ pub(crate) fn touchdown(
     map.view_mut((DOF, 0), (DOF, DOF)).copy_from(&(-&stop * land_by_q * to_floor));
     map.view_mut((DOF, DOF), (DOF, DOF)).copy_from(&(DMatrix::identity(DOF, DOF) - stop * land));
     map
+}
+
+/// How far a gait turns in a stride, rad. To the bit 0 where none is asked for, whatever the solver left.
+fn stride_yaw_rad(gait: &Gait, points: &[PlanPoint], second_points: &[PlanPoint]) -> f64 {
+    let turns = gait.request["yaw_rate_rad_s"].as_f64().is_some_and(|rate| rate != 0.0);
+    let end = second_points.last().expect("a plan has points");
+    if turns { end.q[5] - points[0].q[5] } else { 0.0 }
+}
+
+/// A turn of the robot about the vertical through the origin, on positions and on velocities: of x and y, for rates of
+/// Euler angles do not feel yaw, and where it heads is only moved.
+fn turned_by(yaw_rad: f64) -> DMatrix<f64> {
+    let mut turn = DMatrix::identity(2 * DOF, 2 * DOF);
+    let rotation = nalgebra::Rotation2::new(yaw_rad);
+    for block in [0, DOF] {
+        turn.view_mut((block, block), (2, 2)).copy_from(rotation.matrix());
+    }
+    turn
 }
 
 /// S, on positions and on velocities.

@@ -3,6 +3,7 @@
 //! here.
 
 use crate::PlanError;
+use crate::planar::PlanarMotion;
 use crate::recompose::PlanPoint;
 use crate::request::GaitRequest;
 use crate::tolerance::Tolerances;
@@ -315,6 +316,8 @@ pub fn between_points(robot: &Robot, request: &GaitRequest, gait: &Gait, points:
     let normal_force_min_n = crate::ProgramSettings::default().normal_force_min_share * model.total_mass() * 9.81;
     let face = request.friction / std::f64::consts::SQRT_2;
     let (side, legs, swing) = step_of(points);
+    let motion = PlanarMotion::of(request);
+    let steps_before = if side == StepSide::First { 0.0 } else { 1.0 };
     let mut stood: Option<[nalgebra::Vector3<f64>; 2]> = None;
     let raise = |to: &mut f64, value: f64| *to = to.max(value);
     for three in points.windows(3).step_by(2) {
@@ -361,8 +364,10 @@ pub fn between_points(robot: &Robot, request: &GaitRequest, gait: &Gait, points:
                 raise(&mut worst.joint_velocity_rad_s[k], v[6 + j].abs() - robot.limits.velocity_rad_s[k]);
                 raise(&mut worst.torque_nm[k], tau[j].abs() - request.torque_limit_nm[k]);
             }
+            // The pyramid turns with the robot, as in the program.
+            let axes = motion.rotation((steps_before + phase) * request.step_duration_s);
             for (_, f) in forces {
-                let needed = f.x.abs().max(f.y.abs()) - face * f.z;
+                let needed = axes.tr_mul(&f.xy()).amax() - face * f.z;
                 raise(&mut worst.ground_force_n, needed.max(normal_force_min_n - f.z));
             }
         }

@@ -48,6 +48,13 @@ pub struct Arguments {
     /// Forward speed, m/s; negative walks backward
     #[arg(long, value_name = "M/S", allow_negative_numbers = true)]
     speed: Option<f64>,
+    /// Speed to the left, m/s; negative is to the right. Two steps are planned, by the full-order program: tenths of a
+    /// second
+    #[arg(long, value_name = "M/S", allow_negative_numbers = true)]
+    lateral_speed: Option<f64>,
+    /// Yaw rate, rad/s; positive turns to the left. Speeds are in axes that turn along. Two steps: tenths of a second
+    #[arg(long, value_name = "RAD/S", allow_negative_numbers = true)]
+    yaw_rate: Option<f64>,
     /// Hip axes above the toe centres, m
     #[arg(long, value_name = "M", allow_negative_numbers = true)]
     height: Option<f64>,
@@ -286,6 +293,8 @@ impl Arguments {
             (&mut request.step_duration_s, duration.into_iter().flatten().next()),
             (&mut request.clearance_m, self.clearance),
             (&mut request.speed_m_s, self.speed),
+            (&mut request.lateral_speed_m_s, self.lateral_speed),
+            (&mut request.yaw_rate_rad_s, self.yaw_rate),
             (&mut request.height_m, self.height),
             (&mut request.half_width_m, self.half_width),
             (&mut request.slope_rad, self.slope.map(f64::to_radians)),

@@ -241,6 +241,8 @@ fn request(base: &Gait, speed_m_s: f64) -> GenerateGaitRequest {
         sideways_slope_rad: number("sideways_slope_rad"),
         torso_pitch_rad: number("torso_pitch_rad"),
         torso_roll_rad: number("torso_roll_rad"),
+        lateral_speed_m_s: base.request["lateral_speed_m_s"].as_f64().unwrap_or(0.0),
+        yaw_rate_rad_s: base.request["yaw_rate_rad_s"].as_f64().unwrap_or(0.0),
         friction: number("friction"),
         torque_limit_nm: torques.map_or_else(Vec::new, |list| list.iter().filter_map(|value| value.as_f64()).collect()),
         ..GenerateGaitRequest::default()

@@ -77,6 +77,9 @@ pub fn request(message: &GenerateGaitRequest, robot: &Robot) -> Result<Asked, St
             *target = value;
         }
     }
+    // 0, of a message without them too, is a behaviour's own.
+    request.lateral_speed_m_s = message.lateral_speed_m_s;
+    request.yaw_rate_rad_s = message.yaw_rate_rad_s;
     match message.torque_limit_nm.as_slice() {
         [] => {}
         &[roll, pitch, knee] => request.torque_limit_nm = [roll, pitch, knee],
@@ -248,12 +251,16 @@ mod tests {
         m.reference = "in_program".into();
         m.points = 21;
         m.stable = true;
+        m.lateral_speed_m_s = -0.1;
+        m.yaw_rate_rad_s = 0.2;
         // Every field by name: a new one is noticed here.
         let expected = GaitRequest {
             behaviour: "gait1".into(),
             step_duration_s: 0.4,
             clearance_m: 0.08,
             speed_m_s: 0.1,
+            lateral_speed_m_s: -0.1,
+            yaw_rate_rad_s: 0.2,
             height_m: 0.52,
             half_width_m: 0.24,
             slope_rad: 0.03,

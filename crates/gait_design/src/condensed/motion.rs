@@ -1,6 +1,7 @@
 //! Along the step: a point's seven unknown accelerations, and the Hermite–Simpson intervals that carry them on.
 
 use super::*;
+use crate::limits::keeps_stance_roll;
 
 /// Those of [`UNKNOWN`] whose positions and velocities change an acceleration or a force. The body's place and its
 /// straight speed do not.
@@ -308,7 +309,7 @@ pub(super) fn stance_roll_coefficients(
     right[1] = scaled(&unknown[0].v[6], t);
     add(&mut right[1], x[at::point(0) + at::V + coordinate], &inputs[STEP_DURATION]);
     right[1][FREE_MAX] += g[start + 6 + STANCE_ROLL];
-    let kept = (0..program.points()).filter(|&p| program.keeps_stance_roll(p));
+    let kept = (0..program.points()).filter(|&p| keeps_stance_roll(p, program.points()));
     for (row, point) in (2..).zip(kept) {
         matrix[row] = bezier::basis_second_derivative(program.phase(point));
         right[row] = scaled(&unknown[point].a[6], t * t);

@@ -1,7 +1,9 @@
 //! A plan by the full-order program.
 
-use super::{COEFFICIENTS, FullOrderProgram, SHARED, start};
+use super::schedule::COEFFICIENTS;
+use super::{FullOrderProgram, start};
 use crate::certificate::certificate;
+use crate::planar::PlanarMotion;
 use crate::refine::finer_grid;
 use crate::request::{GaitRequest, check_points};
 use crate::{
@@ -9,14 +11,15 @@ use crate::{
     not_converged, on_slope, program_with_offset, recompose, summary,
 };
 use gait::{Coefficients, Gait, JOINTS, SecondStep};
-use nlp::{Iteration, NullSpace, SqpSolver, Workspace};
+use nlp::{Iteration, NullSpace, Solution, SqpSolver, Workspace};
 use robot::Robot;
 use std::ops::ControlFlow;
 
 /// Plans by the full-order program from the decomposed program's guess; its subproblems are solved by elimination
-/// ([`nlp::NullSpace`]), or by Clarabel if `options.subproblem` is [`SubproblemSolver::Sparse`]. On a sideways slope
-/// both steps of the stride are planned; there, and with the reference in the program, the start is the decomposed
-/// program's solution for the same request without that slope, if it has one.
+/// ([`nlp::NullSpace`]), or by Clarabel if `options.subproblem` is [`SubproblemSolver::Sparse`]. On a sideways slope,
+/// and in a gait that turns or steps aside, both steps of the stride are planned; there, and with the reference in the
+/// program, the start is the decomposed program's solution for the same request straight ahead without that slope, if
+/// it has one, bent by what the legs' kinematics say of the turn.
 /// What is planned with such a start is checked between the points as well; the others, there to be compared, are not.
 /// `options.warm_start` has no meaning here.
 ///
@@ -51,38 +54,66 @@ fn program_and_start(
     request: &GaitRequest,
     options: &PlanOptions,
 ) -> Result<(FullOrderProgram, Vec<f64>, bool), PlanError> {
-    let level = GaitRequest { sideways_slope_rad: 0.0, torso_pitch_rad: 0.0, torso_roll_rad: 0.0, ..request.clone() };
+    let moved = GaitRequest { sideways_slope_rad: 0.0, torso_pitch_rad: 0.0, torso_roll_rad: 0.0, ..request.clone() };
+    let level = GaitRequest { lateral_speed_m_s: 0.0, yaw_rate_rad_s: 0.0, ..moved.clone() };
     let level_robot = &on_slope(robot, &level);
     let offset = robot.rear_offset_rad().ok();
     // Of a decomposed program that cannot be, bounds and hips are used alone.
     let mut decomposed = program_with_offset(level_robot, &level, options.program.clone(), offset.unwrap_or_default())?;
     // Where the program differs from the decomposed one by its rear legs only, the two start alike, to be compared.
     let alike = offset.is_some() && request.is_decomposable() && options.reference != Reference::InProgram;
-    let mut program =
-        FullOrderProgram::new(&on_slope(robot, request), request, &options.program, &decomposed, options.reference);
+    let (settings, limits) = (&options.program, decomposed.limits());
+    let mut program = FullOrderProgram::new(&on_slope(robot, request), request, settings, limits, options.reference);
     let mut start = match (offset, alike) {
-        (None, _) => start::of_four_legs(&program, &decomposed, level_robot, &level)?,
+        (None, _) => start::of_four_legs(&program, &decomposed, level_robot, &moved)?,
         (_, true) => start::of_the_guess(&program, &mut decomposed, level_robot, &level)?,
         _ => start::of_the_plan(&program, &mut decomposed, robot, &level, options)?,
     };
+    if offset.is_some() && !PlanarMotion::of(request).is_straight() {
+        start = start::bent(&program, &decomposed, level_robot, start, [&level, &moved])?;
+    }
     let robot = &on_slope(robot, request);
-    let layout = program.layout;
+    let schedule = program.schedule.clone();
     if !alike {
         program.stay_near(&start);
     }
-    if !layout.joints_prescribed {
+    if !program.joints_prescribed {
         // The reference that leads along the start: where the law is to hold, it nearly does.
-        for step in 0..layout.steps {
+        for step in 0..schedule.domains.len() {
             let reference =
-                recompose::compensated_reference(robot, &program.plan_points(&start, step), start[layout.t()]);
+                recompose::compensated_reference(robot, &program.plan_points(&start, step), start[schedule.t()]);
             for j in 0..JOINTS {
                 for k in 0..COEFFICIENTS {
-                    start[layout.alpha(step, k, j)] = reference[j][k];
+                    start[schedule.alpha(step, k, j)] = reference[j][k];
                 }
             }
         }
     }
     Ok((program, start, alike))
+}
+
+/// The program's solution from a start, whatever its status.
+fn solve(
+    program: &mut FullOrderProgram,
+    start: &[f64],
+    options: &PlanOptions,
+    progress: impl FnMut(&Iteration) -> ControlFlow<()>,
+) -> Result<Solution, PlanError> {
+    /// Room for the unknowns that meet once the equalities are eliminated: 92 of a stride with 11 points, …
+    const SHARED: usize = 96;
+    /// … and 112 with 21.
+    const SHARED_FINE: usize = 128;
+    let solver = SqpSolver::new(options.solver.clone())?;
+    let (scale, mut workspace) = (options.solver.objective_scale, Workspace::default());
+    Ok(match options.subproblem {
+        SubproblemSolver::Sparse => solver.solve(program, start, progress)?,
+        SubproblemSolver::Eliminated | SubproblemSolver::Condensed if options.program.points <= 11 => {
+            solver.solve_with(program, &mut NullSpace::<SHARED>::new(scale), start, &mut workspace, progress)?
+        }
+        SubproblemSolver::Eliminated | SubproblemSolver::Condensed => {
+            solver.solve_with(program, &mut NullSpace::<SHARED_FINE>::new(scale), start, &mut workspace, progress)?
+        }
+    })
 }
 
 /// A plan on the grid asked for, and whether it keeps its limits between the points, where that is looked at.
@@ -94,26 +125,19 @@ fn plan_on_grid(
 ) -> Result<(Plan, Result<(), PlanError>), PlanError> {
     let (mut program, start, alike) = program_and_start(robot, request, options)?;
     let robot = &on_slope(robot, request);
-    let layout = program.layout;
-    let solver = SqpSolver::new(options.solver.clone())?;
-    let solution = match options.subproblem {
-        SubproblemSolver::Sparse => solver.solve(&mut program, &start, progress)?,
-        SubproblemSolver::Eliminated | SubproblemSolver::Condensed => {
-            let mut subproblem = NullSpace::<SHARED>::new(options.solver.objective_scale);
-            solver.solve_with(&mut program, &mut subproblem, &start, &mut Workspace::default(), progress)?
-        }
-    };
+    let solution = solve(&mut program, &start, options, progress)?;
     if !solution.status.is_solution() {
         return Err(not_converged(solution));
     }
-    let t = solution.x[layout.t()];
+    let schedule = &program.schedule;
+    let t = solution.x[schedule.t()];
     let summary = summary(&solution);
     // What is planned of a step: its points, the joints' polynomials and the reference's.
     let step = |step: usize| {
         let points = program.plan_points(&solution.x, step);
         let polynomials: [Coefficients; JOINTS] =
-            std::array::from_fn(|j| std::array::from_fn(|k| solution.x[layout.alpha(step, k, j)]));
-        let (joints, reference) = if layout.joints_prescribed {
+            std::array::from_fn(|j| std::array::from_fn(|k| solution.x[schedule.alpha(step, k, j)]));
+        let (joints, reference) = if program.joints_prescribed {
             let reference = match options.reference {
                 Reference::PlannedJoints => polynomials,
                 Reference::Compensated | Reference::InProgram => recompose::compensated_reference(robot, &points, t),
@@ -125,7 +149,7 @@ fn plan_on_grid(
         (points, joints, reference)
     };
     let (points, joints, reference) = step(0);
-    let (second_points, second_step) = if layout.steps == 2 {
+    let (second_points, second_step) = if schedule.domains.len() == 2 {
         let (points, coefficients_rad, reference_coefficients_rad) = step(1);
         (points, Some(SecondStep { coefficients_rad, reference_coefficients_rad }))
     } else {
@@ -141,10 +165,15 @@ fn plan_on_grid(
         ));
     }
     let mut kept = check_steps(robot, request, &gait, [&points, &second_points]);
-    if kept.is_err() && layout.joints_prescribed {
-        recompose::fit_stance_rolls(&mut gait.coefficients_rad, &[program.stance_roll(0)], &points, t);
+    if kept.is_err() && program.joints_prescribed {
+        recompose::fit_stance_rolls(&mut gait.coefficients_rad, &[schedule.domains[0].redundant_joint], &points, t);
         if let Some(second) = &mut gait.second_step {
-            recompose::fit_stance_rolls(&mut second.coefficients_rad, &[program.stance_roll(1)], &second_points, t);
+            recompose::fit_stance_rolls(
+                &mut second.coefficients_rad,
+                &[schedule.domains[1].redundant_joint],
+                &second_points,
+                t,
+            );
         }
         if options.reference == Reference::PlannedJoints {
             gait.reference_coefficients_rad = gait.coefficients_rad;

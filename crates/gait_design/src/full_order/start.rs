@@ -1,14 +1,16 @@
-//! A start for a robot whose rear legs cannot do as the front ones do: all four legs by inverse kinematics, as
-//! [`crate::guess::nominal`] places the front ones.
+//! Where a full-order program's solve starts: from the decomposed program, its second step the mirror image of the
+//! first, bent where the gait turns or steps aside; or from the kinematics of all four legs.
 
-use super::{COEFFICIENTS, DOF, FullOrderProgram, STANCE, at, recomposed};
+use super::FullOrderProgram;
+use super::schedule::{COEFFICIENTS, DOF, Place, at};
 use crate::decomposed::DecomposedPlanner;
-use crate::guess::{self, Unreachable, glide};
+use crate::guess::{self, Unreachable, swing_arc};
+use crate::planar::PlanarMotion;
 use crate::program::DecomposedProgram;
 use crate::request::GaitRequest;
 use crate::{PlanOptions, SubproblemSolver, on_slope};
 use gait::{JOINTS, bezier};
-use nalgebra::{DMatrix, Vector3};
+use nalgebra::{DMatrix, Vector2, Vector3};
 use rigid_body::{Data, point_kinematics, rnea};
 use robot::{Robot, mirrored_vector};
 use std::ops::ControlFlow;
@@ -24,7 +26,7 @@ pub(super) fn of_the_guess(
     Ok(recomposed(program, decomposed, &x))
 }
 
-/// The decomposed program's plan on level ground, or its guess where there is none.
+/// The decomposed program's plan of a request that it knows, or its guess where there is none.
 pub(super) fn of_the_plan(
     program: &FullOrderProgram,
     decomposed: &mut DecomposedProgram,
@@ -39,46 +41,120 @@ pub(super) fn of_the_plan(
     }
 }
 
-/// All four legs by inverse kinematics. `robot` is on the slope; `decomposed` knows where the hips are.
+/// A straight gait's unknowns, bent: what the kinematics of a request that turns or steps aside differ by from those of
+/// the straight one is added. `robot` is on the slope.
+pub(super) fn bent(
+    program: &FullOrderProgram,
+    decomposed: &DecomposedProgram,
+    robot: &Robot,
+    mut straight_x: Vec<f64>,
+    [straight, moved]: [&GaitRequest; 2],
+) -> Result<Vec<f64>, Unreachable> {
+    let [from, to] = [straight, moved].map(|request| of_four_legs(program, decomposed, robot, request));
+    for (x, (from, to)) in straight_x.iter_mut().zip(from?.into_iter().zip(to?)) {
+        *x += to - from;
+    }
+    Ok(straight_x)
+}
+
+/// All four legs by inverse kinematics, as [`crate::guess::nominal`] places the front ones: the body glides along its
+/// motion, a stance toe is at its place under the body in the middle of its stance, swing toes go from one such place
+/// to the next. `robot` is on the slope; `decomposed` knows where the hips are.
 pub(super) fn of_four_legs(
     program: &FullOrderProgram,
     decomposed: &DecomposedProgram,
     robot: &Robot,
     request: &GaitRequest,
 ) -> Result<Vec<f64>, Unreachable> {
-    let layout = program.layout;
-    let t = request.step_duration_s;
-    let mut data = Data::new(&robot.model);
-    let mut joints = DMatrix::zeros(layout.points, JOINTS);
+    let schedule = &program.schedule;
+    let glide = Glide { request, motion: PlanarMotion::of(request), decomposed };
+    let mut x = vec![0.0; schedule.unknowns];
+    x[schedule.t()] = request.step_duration_s;
     let mut near = robot.stand_rad();
-    let phases: Vec<f64> = (0..layout.points).map(|p| layout.phase(p)).collect();
-    for (p, &phase) in phases.iter().enumerate() {
-        for leg in 0..4 {
-            let is_stance = STANCE.contains(&leg);
-            let hip_x_m = decomposed.bipeds().hip_x_m(leg);
-            let target = glide(request, hip_x_m, phase, is_stance, leg < 2);
-            let found = inverse_kinematics(robot, &mut data, leg, base(request, phase), &near, target);
-            let ahead_m = request.speed_m_s * request.step_duration_s * phase;
-            let found = found.ok_or_else(|| Unreachable::new(robot, request, leg, target, hip_x_m + ahead_m))?;
-            near[3 * leg..3 * leg + 3].copy_from_slice(&found);
+    let mut data = Data::new(&robot.model);
+    for (domain, d) in schedule.domains.iter().enumerate() {
+        let places = schedule.places_of(domain);
+        let mut joints = DMatrix::zeros(places.len(), JOINTS);
+        for place in places {
+            for leg in 0..4 {
+                let target = glide.toe(place, leg, d.stance.contains(&leg));
+                let found = inverse_kinematics(robot, &mut data, leg, glide.base(place), &near, target)
+                    .ok_or_else(|| glide.unreachable(robot, place, leg, target))?;
+                near[3 * leg..3 * leg + 3].copy_from_slice(&found);
+            }
+            joints.row_mut(place.point).copy_from_slice(&near);
         }
-        joints.row_mut(p).copy_from_slice(&near);
-    }
-    let values = DMatrix::from_fn(layout.points, COEFFICIENTS, |p, k| bezier::basis(phases[p])[k]);
-    let fit = values.svd(true, true).solve(&joints, 1e-12).expect("both factors were asked for");
-    let mut x = vec![0.0; layout.point(layout.all_points())];
-    x[layout.t()] = t;
-    for k in 0..COEFFICIENTS {
-        for j in 0..JOINTS {
-            x[layout.alpha(0, k, j)] = fit[(k, j)];
+        let values = DMatrix::from_fn(places.len(), COEFFICIENTS, |p, k| bezier::basis(places[p].phase)[k]);
+        let fit = values.svd(true, true).solve(&joints, 1e-12).expect("both factors were asked for");
+        for k in 0..COEFFICIENTS {
+            for j in 0..JOINTS {
+                x[schedule.alpha(domain, k, j)] = fit[(k, j)];
+            }
+        }
+        for place in places {
+            glide.put_point(program, robot, &mut data, place, &fit, &mut x);
         }
     }
-    let force = Vector3::new(0.0, 0.0, robot.model.total_mass() * robot.model.gravity.norm() / 2.0);
-    for (p, &phase) in phases.iter().enumerate() {
+    Ok(x)
+}
+
+/// A body that glides at constant height along a planar motion.
+struct Glide<'a> {
+    request: &'a GaitRequest,
+    motion: PlanarMotion,
+    decomposed: &'a DecomposedProgram,
+}
+
+impl Glide<'_> {
+    fn time_s(&self, place: &Place) -> f64 {
+        place.time * self.request.step_duration_s
+    }
+
+    fn base(&self, place: &Place) -> [f64; 6] {
+        let t = self.time_s(place);
+        let d = self.motion.displacement_m(t);
+        [d.x, d.y, self.request.height_m, 0.0, 0.0, self.motion.yaw_rad(t)]
+    }
+
+    /// A toe's place on the floor when the body is where it is at `t`.
+    fn under_the_body(&self, leg: usize, t: f64) -> Vector2<f64> {
+        let half_width_m = if leg < 2 { self.request.half_width_m } else { -self.request.half_width_m };
+        let toe = Vector2::new(self.decomposed.bipeds().hip_x_m(leg), half_width_m);
+        self.motion.displacement_m(t) + self.motion.rotation(t) * toe
+    }
+
+    fn toe(&self, place: &Place, leg: usize, is_stance: bool) -> Vector3<f64> {
+        let duration_s = place.share * self.request.step_duration_s;
+        let middle_s = self.time_s(place) + (0.5 - place.phase) * duration_s;
+        if is_stance {
+            return self.under_the_body(leg, middle_s).push(0.0);
+        }
+        let [from, to] = [middle_s - duration_s, middle_s + duration_s].map(|t| self.under_the_body(leg, t));
+        let (along, lift) = swing_arc(place.phase);
+        from.lerp(&to, along).push(self.request.clearance_m * lift)
+    }
+
+    fn unreachable(&self, robot: &Robot, place: &Place, leg: usize, toe: Vector3<f64>) -> Unreachable {
+        let t = self.time_s(place);
+        let in_body = self.motion.rotation(t).transpose() * (toe.xy() - self.motion.displacement_m(t));
+        Unreachable::new(robot, self.request, leg, in_body.push(toe.z), self.decomposed.bipeds().hip_x_m(leg))
+    }
+
+    /// A point's unknowns: joints on the polynomials `fit`, the weight on the stance toes alike.
+    fn put_point(
+        &self,
+        program: &FullOrderProgram,
+        robot: &Robot,
+        data: &mut Data,
+        place: &Place,
+        fit: &DMatrix<f64>,
+        x: &mut [f64],
+    ) {
+        let t = self.request.step_duration_s * place.share;
         let bases = [
-            (bezier::basis(phase), 1.0),
-            (bezier::basis_first_derivative(phase), t),
-            (bezier::basis_second_derivative(phase), t * t),
+            (bezier::basis(place.phase), 1.0),
+            (bezier::basis_first_derivative(place.phase), t),
+            (bezier::basis_second_derivative(place.phase), t * t),
         ];
         let [mut q, mut v, a] = bases.map(|(basis, divisor)| {
             let mut w = [0.0; DOF];
@@ -87,24 +163,23 @@ pub(super) fn of_four_legs(
             }
             w
         });
-        q[..6].copy_from_slice(&base(request, phase));
-        v[0] = request.speed_m_s;
-        let forces = STANCE.map(|leg| (robot.legs[leg].toe, force));
-        let tau = rnea(&robot.model, &mut data, &q, &v, &a, &forces);
-        let point = &mut x[layout.point(p)..layout.point(p + 1)];
+        q[..6].copy_from_slice(&self.base(place));
+        v[..2].copy_from_slice(self.motion.velocity_m_s(self.time_s(place)).as_slice());
+        v[5] = self.motion.yaw_rate_rad_s;
+        let stance = &program.schedule.domains[place.domain].stance;
+        let weight_n = robot.model.total_mass() * robot.model.gravity.norm();
+        let force = Vector3::new(0.0, 0.0, weight_n / stance.len() as f64);
+        let forces: Vec<_> = stance.iter().map(|&leg| (robot.legs[leg].toe, force)).collect();
+        let tau = rnea(&robot.model, data, &q, &v, &a, &forces);
+        let point = &mut x[program.schedule.columns(place)];
         point[at::Q..at::V].copy_from_slice(&q);
         point[at::V..at::A].copy_from_slice(&v);
         point[at::A..at::U].copy_from_slice(&a);
         point[at::U..at::LAMBDA].copy_from_slice(&tau.as_slice()[6..]);
-        point[at::LAMBDA..at::LAMBDA + 3].copy_from_slice(force.as_slice());
-        point[at::LAMBDA + 3..].copy_from_slice(force.as_slice());
+        for toe in point[at::LAMBDA..].chunks_mut(3) {
+            toe.copy_from_slice(force.as_slice());
+        }
     }
-    program.mirror_second_step(&mut x);
-    Ok(x)
-}
-
-fn base(request: &GaitRequest, phase: f64) -> [f64; 6] {
-    [request.speed_m_s * request.step_duration_s * phase, 0.0, request.height_m, 0.0, 0.0, 0.0]
 }
 
 /// Newton's method with damping from the leg's angles in `near`.
@@ -143,39 +218,68 @@ fn inverse_kinematics(
     None
 }
 
-impl FullOrderProgram {
-    /// Fills in the second step, where there is one, as the first one's mirror image.
-    pub(super) fn mirror_second_step(&self, x: &mut [f64]) {
-        let layout = self.layout;
-        if layout.steps == 1 {
-            return;
+/// The program's unknowns for the decomposed program's: the second step, where there is one, is the first one's mirror
+/// image.
+pub(crate) fn recomposed(full: &FullOrderProgram, program: &DecomposedProgram, x: &[f64]) -> Vec<f64> {
+    use crate::program::layout as d;
+    let schedule = &full.schedule;
+    let pairing = program.bipeds().pairing();
+    let mut out = vec![0.0; schedule.unknowns];
+    for k in 0..COEFFICIENTS {
+        let mut front = [0.0; 12];
+        for j in 0..6 {
+            front[6 + j] = x[d::alpha(k, j)];
         }
-        for k in 0..COEFFICIENTS {
-            for i in 6..DOF {
-                let (from, sign) = self.robot.mirror.coordinate_source(i);
-                x[layout.alpha(1, k, i - 6)] = sign * x[layout.alpha(0, k, from - 6)];
+        let all = pairing.recompose_position(&front);
+        out[schedule.alpha(0, k, 0)..schedule.alpha(0, k + 1, 0)].copy_from_slice(&all[6..]);
+    }
+    out[schedule.t()] = x[d::T];
+    for place in schedule.places_of(0) {
+        let from = &x[d::point(place.point)..d::point(place.point + 1)];
+        let twelve = |start: usize| -> [f64; 12] { from[start..start + 12].try_into().expect("twelve entries") };
+        let to = &mut out[schedule.columns(place)];
+        to[at::Q..at::V].copy_from_slice(&pairing.recompose_position(&twelve(d::Q)));
+        to[at::V..at::A].copy_from_slice(&pairing.recompose_rate(&twelve(d::V)));
+        to[at::A..at::U].copy_from_slice(&pairing.recompose_rate(&twelve(d::A)));
+        for j in 0..3 {
+            to[at::U + j] = from[d::U_FRONT + j];
+            to[at::U + 3 + j] = from[d::U_REAR + j];
+            to[at::U + 6 + j] = from[d::U_FRONT + 3 + j];
+            to[at::U + 9 + j] = from[d::U_REAR + 3 + j];
+        }
+        to[at::LAMBDA..].copy_from_slice(&from[d::LAMBDA_1..d::LAMBDA_1 + 6]);
+    }
+    if schedule.domains.len() == 2 {
+        mirror_second_step(full, program.speed_m_s(), &mut out);
+    }
+    out
+}
+
+/// Fills the second step with the mirror image of the first.
+fn mirror_second_step(full: &FullOrderProgram, speed_m_s: f64, x: &mut [f64]) {
+    let (schedule, mirror) = (&full.schedule, &full.robot.mirror);
+    for k in 0..COEFFICIENTS {
+        for i in 6..DOF {
+            let (from, sign) = mirror.coordinate_source(i);
+            x[schedule.alpha(1, k, i - 6)] = sign * x[schedule.alpha(0, k, from - 6)];
+        }
+    }
+    let length_m = speed_m_s * x[schedule.t()];
+    for (first, second) in schedule.places_of(0).iter().zip(schedule.places_of(1)) {
+        let first = x[schedule.columns(first)].to_vec();
+        let second = &mut x[schedule.columns(second)];
+        for i in 0..DOF {
+            let (from, sign) = mirror.coordinate_source(i);
+            for block in [at::Q, at::V, at::A] {
+                second[block + i] = sign * first[block + from];
+            }
+            if i >= 6 {
+                second[at::U + i - 6] = sign * first[at::U + from - 6];
             }
         }
-        let length_m = self.speed_m_s * x[layout.t()];
-        for p in 0..layout.points {
-            let first: [f64; at::POINT] =
-                x[layout.point(p)..layout.point(p + 1)].try_into().expect("a point's unknowns");
-            let second = &mut x[layout.point(layout.points + p)..layout.point(layout.points + p + 1)];
-            for i in 0..DOF {
-                let (from, sign) = self.robot.mirror.coordinate_source(i);
-                for block in [at::Q, at::V, at::A] {
-                    second[block + i] = sign * first[block + from];
-                }
-                if i >= 6 {
-                    second[at::U + i - 6] = sign * first[at::U + from - 6];
-                }
-            }
-            second[at::Q] += length_m;
-            for toe in [0, 3] {
-                for (axis, sign) in mirrored_vector([1.0; 3]).into_iter().enumerate() {
-                    second[at::LAMBDA + toe + axis] = sign * first[at::LAMBDA + toe + axis];
-                }
-            }
+        second[at::Q] += length_m;
+        for (i, force) in second[at::LAMBDA..].iter_mut().enumerate() {
+            *force = mirrored_vector([1.0; 3])[i % 3] * first[at::LAMBDA + i];
         }
     }
 }

@@ -2,7 +2,7 @@
 
 use super::error::LibraryError;
 use super::grid::Grid;
-use crate::program::ProgramSettings;
+use crate::limits::ProgramSettings;
 use crate::{PlanOptions, Planner, WarmStart};
 use robot::Robot;
 use serde::{Deserialize, Serialize};

@@ -2,7 +2,8 @@
 
 use super::contents::{Entry, Library};
 use super::error::LibraryError;
-use crate::program::{ProgramSettings, layout};
+use crate::limits::ProgramSettings;
+use crate::program::layout;
 use crate::request::GaitRequest;
 use crate::{WarmStart, leg_length_m, on_slope, program_of, recompose};
 use gait::{Gait, SolverSummary};

@@ -99,7 +99,7 @@ impl Grid {
         let wrong = |problem: String| Err(LibraryError::Grid(problem));
         if !self.base.is_decomposable() {
             return wrong(
-                "is on a sideways slope or leans the torso, for which the library's program does not plan: use `tandem plan`".into(),
+                "is on a sideways slope, leans the torso, turns or steps aside, for which the library's program does not plan: use `tandem plan`".into(),
             );
         }
         if self.axes.is_empty() {

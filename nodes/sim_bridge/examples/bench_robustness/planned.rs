@@ -40,6 +40,8 @@ fn request_of(gait: &Gait, speed_m_s: f64, slope_deg: f64) -> GaitRequest {
         step_duration_s: number("step_duration_s"),
         clearance_m: number("clearance_m"),
         speed_m_s,
+        lateral_speed_m_s: 0.0,
+        yaw_rate_rad_s: 0.0,
         height_m: number("height_m"),
         half_width_m: number("half_width_m"),
         slope_rad: slope_deg.to_radians(),

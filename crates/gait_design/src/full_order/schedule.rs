@@ -1,0 +1,171 @@
+//! Which legs stand when, and where the unknowns lie: a schedule is domains in their order, and how the last meets the
+//! first.
+
+use crate::request::GaitRequest;
+use gait::{JOINTS, bezier};
+use robot::Robot;
+
+pub(super) const DOF: usize = 18;
+pub(super) const COEFFICIENTS: usize = bezier::DEGREE + 1;
+
+/// Stance and swing legs of the first step; the second step's are their mirror images.
+const STANCE: [usize; 2] = [1, 2];
+const SWING: [usize; 2] = [0, 3];
+/// The leg whose stance hip roll the fixed distance of the stance toes determines.
+const REDUNDANT_LEG: usize = 2;
+
+/// Where a point's unknowns lie within it; after them λ of each stance leg.
+pub(super) mod at {
+    use super::{DOF, JOINTS};
+    pub const Q: usize = 0;
+    pub const V: usize = Q + DOF;
+    pub const A: usize = V + DOF;
+    pub const U: usize = A + DOF;
+    pub const LAMBDA: usize = U + JOINTS;
+}
+
+/// A part of the gait with the same legs on the ground.
+#[derive(Clone, Debug, PartialEq)]
+pub(super) struct Domain {
+    /// Legs that stand, in the order of their forces among a point's unknowns.
+    pub stance: Vec<usize>,
+    /// Legs that swing; where the domain ends they land.
+    pub swing: Vec<usize>,
+    /// Duration over T.
+    pub share: f64,
+    /// Hermite–Simpson points, odd.
+    pub points: usize,
+    /// The joint whose ÿ row the fixed distance of the stance toes makes redundant.
+    pub redundant_joint: usize,
+}
+
+/// How a schedule's end meets its beginning.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) enum Closure {
+    /// Its mirror image is the beginning, moved ahead.
+    Mirrored,
+    /// It is the beginning, moved by the planar motion.
+    Moved,
+}
+
+/// A Hermite–Simpson point.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Place {
+    /// Counted through all domains: a switch has two, the last of one and the first of the next.
+    pub index: usize,
+    /// First of its unknowns.
+    pub column: usize,
+    pub domain: usize,
+    /// Counted within its domain.
+    pub point: usize,
+    /// Points of its domain.
+    pub points: usize,
+    /// Share of its domain that has passed.
+    pub phase: f64,
+    /// Duration of its domain over T.
+    pub share: f64,
+    /// Time since the schedule began, over T.
+    pub time: f64,
+}
+
+/// Domains, and where their unknowns lie: α of each, T, and then every point's.
+#[derive(Clone, Debug)]
+pub(super) struct Schedule {
+    pub domains: Vec<Domain>,
+    pub closure: Closure,
+    places: Vec<Place>,
+    /// Number of the unknowns.
+    pub unknowns: usize,
+}
+
+impl Schedule {
+    /// One step and its mirror image, or the two steps of a stride.
+    pub fn of(robot: &Robot, request: &GaitRequest, points: usize) -> Self {
+        let step = |leg: &dyn Fn(usize) -> usize| Domain {
+            stance: STANCE.map(leg).to_vec(),
+            swing: SWING.map(leg).to_vec(),
+            share: 1.0,
+            points,
+            redundant_joint: 3 * leg(REDUNDANT_LEG),
+        };
+        let first = step(&|leg| leg);
+        if request.is_mirrored() {
+            return Self::new(vec![first], Closure::Mirrored);
+        }
+        Self::new(vec![first, step(&|leg| robot.mirror.leg[leg])], Closure::Moved)
+    }
+
+    pub fn new(domains: Vec<Domain>, closure: Closure) -> Self {
+        let mut places = Vec::new();
+        let (mut column, mut before) = (domains.len() * COEFFICIENTS * JOINTS + 1, 0.0);
+        for (domain, d) in domains.iter().enumerate() {
+            for point in 0..d.points {
+                let phase = point as f64 / (d.points - 1) as f64;
+                places.push(Place {
+                    index: places.len(),
+                    column,
+                    domain,
+                    point,
+                    points: d.points,
+                    phase,
+                    share: d.share,
+                    time: before + d.share * phase,
+                });
+                column += at::LAMBDA + 3 * d.stance.len();
+            }
+            before += d.share;
+        }
+        Self { domains, closure, places, unknowns: column }
+    }
+
+    /// Column of coefficient `k` of a joint's polynomial in a domain.
+    pub fn alpha(&self, domain: usize, k: usize, joint: usize) -> usize {
+        alpha(domain, k, joint)
+    }
+
+    /// Column of T.
+    pub fn t(&self) -> usize {
+        self.domains.len() * COEFFICIENTS * JOINTS
+    }
+
+    /// Every point.
+    pub fn places(&self) -> &[Place] {
+        &self.places
+    }
+
+    /// A domain's points.
+    pub fn places_of(&self, domain: usize) -> &[Place] {
+        let first = self.domains[..domain].iter().map(|d| d.points).sum::<usize>();
+        &self.places[first..first + self.domains[domain].points]
+    }
+
+    /// A point's columns.
+    pub fn columns(&self, place: &Place) -> std::ops::Range<usize> {
+        place.column..place.column + at::LAMBDA + 3 * self.domains[place.domain].stance.len()
+    }
+
+    /// The whole schedule's duration over T.
+    pub fn duration(&self) -> f64 {
+        self.domains.iter().map(|d| d.share).sum()
+    }
+
+    /// For names: which step a domain is, where there is more than one.
+    pub fn step_of(&self, domain: usize) -> Step {
+        Step(if self.domains.len() > 1 { Some(domain + 1) } else { None })
+    }
+}
+
+/// Column of coefficient `k` of a joint's polynomial in a domain.
+pub(super) fn alpha(domain: usize, k: usize, joint: usize) -> usize {
+    (domain * COEFFICIENTS + k) * JOINTS + joint
+}
+
+/// " of step 2", where there is more than one.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Step(Option<usize>);
+
+impl std::fmt::Display for Step {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        self.0.map_or(Ok(()), |number| write!(f, " of step {number}"))
+    }
+}
