@@ -23,7 +23,7 @@ mod start;
 mod terms;
 mod variables;
 
-pub use plan::plan_full_order;
+pub use plan::{plan_full_order, stride_start};
 
 use crate::Reference;
 use crate::limits::{Limits, ProgramSettings};

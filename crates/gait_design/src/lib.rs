@@ -35,7 +35,7 @@ mod verification;
 pub use biped::BipedPair;
 pub use certificate::certificate;
 pub use condensed::Condensed;
-pub use full_order::plan_full_order;
+pub use full_order::{plan_full_order, stride_start};
 pub use guess::{Unreachable, nominal};
 pub use limits::ProgramSettings;
 pub use nearest::{Changed, Nearest, Refusal, nearest, plan_or_nearest};

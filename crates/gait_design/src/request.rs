@@ -111,6 +111,12 @@ pub enum RequestError {
         /// Unit of all three.
         unit: &'static str,
     },
+    /// A stride was expected, of two steps of their own.
+    #[error(
+        "the request's second step is the first one's mirror image: expected a sideways slope, a torso that leans to a \
+         side, a lateral speed or a yaw rate"
+    )]
+    OneStep,
     /// A gait that turns, on a slope.
     #[error(
         "yaw_rate_rad_s is {yaw_rate_rad_s} and {slope} is {slope_rad}: a gait that turns repeats on level ground only, \

@@ -87,6 +87,26 @@ fn an_amble_planned_for_a_sideways_slope_stays_up_on_it_and_the_flat_one_does_no
     assert_ne!(flat.end, End::Upright, "{flat:?}");
 }
 
+/// In place and turning, and sideways and turning: (speed ahead, to the left, yaw rate).
+#[test]
+fn ambles_planned_to_turn_and_to_step_aside_do_so() {
+    let robot = vision60();
+    for (speed_m_s, lateral_speed_m_s, yaw_rate_rad_s) in [(0.0, 0.0, 0.4), (0.35, 0.1, -0.2)] {
+        let own = GaitRequest::named("amble", &robot).unwrap();
+        let steps = GaitRequest { step_duration_s: 0.22, clearance_m: 0.08, ..own };
+        let request = GaitRequest { speed_m_s, lateral_speed_m_s, yaw_rate_rad_s, ..steps };
+        let plan = gait_design::plan(&robot, &request, &PlanOptions::default(), |_| ControlFlow::Continue(())).unwrap();
+        let gait = Gait::from_json(&plan.gait.to_json()).unwrap();
+        let walk = walk(&robot, &gait, &WalkOptions::default(), &mut |_, _, _| {}).unwrap();
+        assert_eq!(walk.end, End::Upright, "{request:?}: {walk:?}");
+        let figures = &walk.figures;
+        assert!((figures.speed_m_s - speed_m_s).abs() < 0.03, "{figures:?}");
+        assert!((figures.lateral_speed_m_s - lateral_speed_m_s).abs() < 0.02, "{figures:?}");
+        let turned_rad_s = figures.turned_deg.to_radians() / figures.time_s;
+        assert!((turned_rad_s - yaw_rate_rad_s).abs() < 0.06, "{figures:?}");
+    }
+}
+
 #[test]
 fn it_stands_up_from_sitting_and_walks() {
     let mut modes = Vec::new();

@@ -5,7 +5,7 @@
 //! `--quick` takes one case in eight, `--unwatched` lets the law walk where the controller's watch over joints and tilt
 //! would have ended the walk, `--cases` says of each case that did not survive what it was and how it ended, and
 //! `--robot=FOLDER` walks another robot. The table `robot` is for that; it is made only where it is named, and so are
-//! `planned` and `can`.
+//! `planned`, `turning` and `can`.
 
 #[path = "bench_robustness/can.rs"]
 mod can;
@@ -23,13 +23,15 @@ mod planned;
 mod pushes;
 #[path = "bench_robustness/robots.rs"]
 mod robots;
+#[path = "bench_robustness/turning.rs"]
+mod turning;
 
 use cases::Bench;
 
 /// A table's name and what prints it.
 type Table = (&'static str, fn(&Bench));
 
-const TABLES: [Table; 16] = [
+const TABLES: [Table; 17] = [
     ("undisturbed", driving::undisturbed),
     ("multipliers", multipliers::multipliers),
     ("pushes", pushes::pushes),
@@ -44,11 +46,12 @@ const TABLES: [Table; 16] = [
     ("driving", driving::driving),
     ("eight", driving::eight),
     ("planned", planned::planned),
+    ("turning", turning::turning),
     ("can", can::can),
     ("robot", robots::robot),
 ];
 /// Tables that are made only where they are named.
-const NAMED_ONLY: [&str; 3] = ["planned", "can", "robot"];
+const NAMED_ONLY: [&str; 4] = ["planned", "turning", "can", "robot"];
 const ROBOT: &str = "--robot=";
 
 fn main() {

@@ -5,7 +5,7 @@ use super::{FullOrderProgram, start};
 use crate::certificate::certificate;
 use crate::planar::PlanarMotion;
 use crate::refine::finer_grid;
-use crate::request::{GaitRequest, check_points};
+use crate::request::{GaitRequest, RequestError, check_points};
 use crate::{
     Plan, PlanError, PlanOptions, PlanPoint, Reference, SubproblemSolver, WarmStart, between_points, leg_length_m,
     not_converged, on_slope, program_with_offset, recompose, summary,
@@ -46,6 +46,26 @@ pub fn plan_full_order(
     kept?;
     plan.gait.solver.iterations += iterations;
     Ok(plan)
+}
+
+/// Where the solve of a stride starts, step by step: points whose joints its cost stays near (docs/mathematics.md, 7).
+/// For other programs that are to find the same optimum.
+///
+/// # Errors
+///
+/// If the request is invalid, its second step is the first one's mirror image, or a leg cannot reach its toe's place.
+pub fn stride_start(
+    robot: &Robot,
+    request: &GaitRequest,
+    options: &PlanOptions,
+) -> Result<[Vec<PlanPoint>; 2], PlanError> {
+    request.validate(leg_length_m(robot))?;
+    check_points(options.program.points)?;
+    if request.is_mirrored() {
+        return Err(RequestError::OneStep.into());
+    }
+    let (program, start, _) = program_and_start(robot, request, options)?;
+    Ok([0, 1].map(|step| program.plan_points(&start, step)))
 }
 
 /// The program, where its solve starts, and whether it is there to be compared with the decomposed one.

@@ -30,7 +30,7 @@ pub fn undisturbed(bench: &Bench) {
 }
 
 /// Mean velocities between two times, and the turning by the change of yaw.
-fn mean(samples: &[Sample], from_s: f64, to_s: f64) -> Option<[f64; 3]> {
+pub fn mean(samples: &[Sample], from_s: f64, to_s: f64) -> Option<[f64; 3]> {
     let within: Vec<&Sample> = samples.iter().filter(|s| (from_s..to_s).contains(&s.time_s)).collect();
     let (first, last) = (within.first()?, within.last()?);
     let n = within.len() as f64;
