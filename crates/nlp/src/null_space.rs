@@ -10,8 +10,8 @@ use crate::problem::{Evaluation, Problem, Step, Subproblem, SubproblemError};
 use crate::qp::Qp;
 use std::collections::BTreeSet;
 
-/// A pivot is at least this share of its row's largest entry when the order is chosen, …
-const PIVOT: f64 = 0.05;
+/// A pivot's least share of its row's largest entry when the order is chosen: larger ones round less and fill more; …
+const PIVOTS: [f64; 2] = [0.05, 0.5];
 /// … and at least this share of it later.
 const PIVOT_LATER: f64 = 1e-6;
 /// An entry is no pivot when it is below this, relative to what it is the difference of.
@@ -120,7 +120,7 @@ impl<P: Problem, const W: usize> Subproblem<P> for NullSpace<W> {
     fn solve(&mut self, problem: &P, x: &[f64], at: &Evaluation, constraints: &[f64]) -> Result<Step, SubproblemError> {
         if self.sparse.is_none() {
             let known = self.elimination.take();
-            let new = std::iter::once_with(|| Elimination::new(problem, at, W)).flatten();
+            let new = PIVOTS.into_iter().filter_map(|share| Elimination::new(problem, at, W, share));
             for order in known.into_iter().chain(new) {
                 match self.numbers.eliminate(&order, problem, x, at, constraints) {
                     Ok(()) => {
@@ -188,7 +188,7 @@ struct Remaining {
 
 impl Remaining {
     /// The row and the place in it of the best pivot among the shortest rows that have one.
-    fn best(&self) -> Option<(usize, usize)> {
+    fn best(&self, least_share: f64) -> Option<(usize, usize)> {
         let mut best: Option<(usize, f64, (usize, usize))> = None;
         let mut candidates = 0;
         for &(length, row) in &self.by_length {
@@ -199,7 +199,7 @@ impl Remaining {
             }
             for (place, e) in entries.iter().enumerate() {
                 let share = e.value.abs() / largest;
-                if share < PIVOT || e.cancels() {
+                if share < least_share || e.cancels() {
                     continue;
                 }
                 let fill = (length - 1) * (self.columns[e.column].len() - 1);
@@ -266,7 +266,7 @@ impl Remaining {
 
 impl Elimination {
     /// The order for a problem's numbers; none where more than `most_free` variables stay free.
-    fn new(problem: &impl Problem, at: &Evaluation, most_free: usize) -> Option<Self> {
+    fn new(problem: &impl Problem, at: &Evaluation, most_free: usize, pivot_share: f64) -> Option<Self> {
         let b = problem.bounds();
         let (n, m) = (b.variable_lower.len(), b.constraint_lower.len());
         let mut of_constraint: Vec<Row> = vec![Vec::new(); m];
@@ -319,7 +319,7 @@ impl Elimination {
             });
         };
         let mut count = 0;
-        while let Some((row, place)) = remaining.best() {
+        while let Some((row, place)) = remaining.best(pivot_share) {
             let mut pivot = remaining.take(row);
             let RowEntry { column, value, .. } = pivot.swap_remove(place);
             for e in &mut pivot {
