@@ -66,6 +66,18 @@ impl FullOrderProgram {
         reference: Reference,
     ) -> Self {
         let schedule = Schedule::of(robot, request, settings.points);
+        Self::over(schedule, robot, request, settings, limits, reference)
+    }
+
+    /// The same over any domains.
+    fn over(
+        schedule: Schedule,
+        robot: &Robot,
+        request: &GaitRequest,
+        settings: &ProgramSettings,
+        limits: &Limits,
+        reference: Reference,
+    ) -> Self {
         let joints_prescribed = reference != Reference::InProgram;
         let (motion, nominal_t_s) = (PlanarMotion::of(request), request.step_duration_s);
         let friction = request.friction;

@@ -47,6 +47,30 @@ fn moved(speed_m_s: f64, lateral_speed_m_s: f64, yaw_rate_rad_s: f64) -> GaitReq
     GaitRequest { speed_m_s, lateral_speed_m_s, yaw_rate_rad_s, ..steps }
 }
 
+/// Durations and grids of a schedule's domains are their own, and so is their number.
+#[test]
+fn the_jacobian_agrees_with_central_differences_over_unequal_domains() {
+    let robot = vision60();
+    let request = moved(0.3, 0.2, 0.6);
+    let settings = ProgramSettings { points: 5, ..ProgramSettings::default() };
+    let straight = as_steps("amble", &robot);
+    let limits = program_of(&robot, &straight, settings.clone()).unwrap().limits().clone();
+    let steps = Schedule::of(&robot, &request, 5).domains;
+    let [first, second] = [0, 1].map(|k| steps[k].clone());
+    let long = schedule::Domain { share: 1.4, points: 7, ..first.clone() };
+    let short = schedule::Domain { share: 0.6, ..second.clone() };
+    for domains in [vec![long.clone(), short.clone()], vec![long, short, first, second]] {
+        for reference in [Reference::Compensated, Reference::InProgram] {
+            let schedule = Schedule::new(domains.clone(), schedule::Closure::Moved);
+            let mut random = noise(3);
+            let mut x: Vec<f64> = (0..schedule.unknowns).map(|_| 0.5 * random()).collect();
+            x[schedule.t()] = 0.23;
+            let mut program = FullOrderProgram::over(schedule, &robot, &request, &settings, &limits, reference);
+            agrees_with_central_differences(&mut program, x);
+        }
+    }
+}
+
 #[test]
 fn a_stride_that_turns_ends_where_its_motion_leads_and_keeps_its_limits() {
     let robot = vision60();
