@@ -103,6 +103,24 @@ fn a_stride_that_turns_ends_where_its_motion_leads_and_keeps_its_limits() {
     }
 }
 
+/// A hip roll at the end of its range, where polynomials depart from joints: the controller refuses what leaves it.
+#[test]
+fn a_stride_at_the_hip_rolls_range_has_polynomials_within_it() {
+    let robot = vision60();
+    let plan = crate::plan(&robot, &moved(0.35, 0.6, 0.0), &PlanOptions::default(), go_on).unwrap();
+    let rolls = [0, 3, 6, 9];
+    let most = |rad: f64, point: &PlanPoint| rolls.iter().fold(rad, |most, &j| most.max(point.q[6 + j].abs()));
+    let reached = plan.points.iter().chain(&plan.second_points).fold(0.0, |rad, point| most(rad, point));
+    let end = robot.legs[0].position_max_rad[0];
+    assert!(reached > end - 5e-3, "the hip rolls reach {reached}, {end} is what this test is about");
+    for side in gait::StepSide::BOTH {
+        for n in 0..=1000 {
+            let (planned, _) = plan.gait.planned(side, f64::from(n) / 1000.0);
+            assert!(rolls.iter().all(|&j| planned[j].abs() <= end), "{planned:?}");
+        }
+    }
+}
+
 /// To the left and to the right are one gait and its mirror image, but for x = 0 at the start, which is the first
 /// step's.
 #[test]

@@ -3,6 +3,7 @@
 use super::costs::{SWAY_RAD, leaning};
 use super::names::Names;
 use super::schedule::{COEFFICIENTS, Place, Schedule, at};
+use crate::Tolerances;
 use crate::limits::Limits;
 use crate::planar::PlanarMotion;
 use crate::request::GaitRequest;
@@ -35,9 +36,10 @@ pub(super) fn bounds(
             bounds.extend((0..JOINTS).map(|j| range[j] + spare[j % 3] * outward));
         }
         bounds.push(limits.step_duration_s[side]);
+        let inward = joint_margin_rad(robot, request);
         for place in schedule.places() {
             bounds.extend(base(request, limits, place, side));
-            bounds.extend(range);
+            bounds.extend(range.map(|end| end - inward * outward));
             bounds.extend(limits.base_rate.map(|rate| rate * outward));
             bounds.extend((0..JOINTS).map(|j| limits.joint_rate_rad_s[j % 3] * outward));
             bounds.extend(limits.base_acceleration.map(|acceleration| acceleration * outward));
@@ -57,6 +59,13 @@ fn coefficient_spare_rad(request: &GaitRequest, joints_prescribed: bool) -> [f64
     let roll = if PlanarMotion::of(request).is_straight() { 0.0 } else { COEFFICIENT_SPARE_RAD };
     let reference = if joints_prescribed { 0.0 } else { REFERENCE_SPARE_RAD };
     [roll, COEFFICIENT_SPARE_RAD, COEFFICIENT_SPARE_RAD].map(|spare| spare + reference)
+}
+
+/// How far inside its range a joint has to be at the points: where coefficients of hip rolls may be outside, by what
+/// polynomials may depart from joints between the points, for the controller walks none that leave the range.
+fn joint_margin_rad(robot: &Robot, request: &GaitRequest) -> f64 {
+    let straight = PlanarMotion::of(request).is_straight();
+    if straight { 0.0 } else { Tolerances::of(robot, request.torque_limit_nm).angle_rad }
 }
 
 /// Bounds of the base's coordinates on one side. y and yaw are about where the motion leads.
