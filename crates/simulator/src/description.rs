@@ -309,7 +309,8 @@ impl<'a> Writer<'a> {
         self.shapes(link, of_trunk);
         for joint in robot.joints.iter().filter(|j| j.parent.link == name) {
             let child = joint.child.link.as_str();
-            let _ = write!(self.text, r#"<body name="{}" {}>"#, escape(&own(child)), place(&joint.origin));
+            let origin = self.variation.origin(self.of, joint);
+            let _ = write!(self.text, r#"<body name="{}" {}>"#, escape(&own(child)), place(&origin));
             match joint.joint_type {
                 JointType::Fixed => self.link(child, of_trunk, merged, false)?,
                 JointType::Revolute | JointType::Continuous => {

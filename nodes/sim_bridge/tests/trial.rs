@@ -231,6 +231,7 @@ fn a_robot_that_is_not_as_described_is_carried_too() {
         Variation { payload_kg: 8.0, payload_at_m: [0.1, 0.0, 0.1], ..plain },
         Variation { mass_scale: 1.2, ..plain },
         Variation { stiffness_scale: 0.8, ..plain },
+        Variation { shank_scale: 1.03, ..plain },
         Variation { torso_shift_m: [0.0, 0.05, 0.0], ..plain },
     ] {
         let simulator = SimulatorOptions { variation, ..Trial::default().simulator };

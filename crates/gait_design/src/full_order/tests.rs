@@ -110,7 +110,7 @@ fn a_stride_at_the_hip_rolls_range_has_polynomials_within_it() {
     let plan = crate::plan(&robot, &moved(0.35, 0.6, 0.0), &PlanOptions::default(), go_on).unwrap();
     let rolls = [0, 3, 6, 9];
     let most = |rad: f64, point: &PlanPoint| rolls.iter().fold(rad, |most, &j| most.max(point.q[6 + j].abs()));
-    let reached = plan.points.iter().chain(&plan.second_points).fold(0.0, |rad, point| most(rad, point));
+    let reached = plan.points.iter().chain(&plan.second_points).fold(0.0, most);
     let end = robot.legs[0].position_max_rad[0];
     assert!(reached > end - 5e-3, "the hip rolls reach {reached}, {end} is what this test is about");
     for side in gait::StepSide::BOTH {

@@ -31,12 +31,13 @@ pub fn pushes(bench: &Bench) {
 
 pub fn variations(bench: &Bench) {
     let plain = Variation::default();
-    let cases: [(&str, Variation, f64); 9] = [
+    let cases: [(&str, Variation, f64); 10] = [
         ("payload_8kg", Variation { payload_kg: 8.0, payload_at_m: [0.0, 0.0, 0.1], ..plain }, 0.8),
         ("payload_8kg_ahead", Variation { payload_kg: 8.0, payload_at_m: [0.1, 0.0, 0.1], ..plain }, 0.8),
         ("payload_8kg_left", Variation { payload_kg: 8.0, payload_at_m: [0.0, 0.05, 0.1], ..plain }, 0.8),
         ("mass_plus_20", Variation { mass_scale: 1.2, ..plain }, 0.8),
         ("kp_times_0.8", Variation { stiffness_scale: 0.8, ..plain }, 0.8),
+        ("shank_plus_3", Variation { shank_scale: 1.03, ..plain }, 0.8),
         ("friction_0.3", plain, 0.3),
         ("torso_com_5cm_ahead", Variation { torso_shift_m: [0.05, 0.0, 0.0], ..plain }, 0.8),
         ("torso_com_5cm_back", Variation { torso_shift_m: [-0.05, 0.0, 0.0], ..plain }, 0.8),
