@@ -139,10 +139,15 @@ pub fn nearest(
 
     let usual = attempt(&own).ok()?;
     let (mut low, mut reached, mut beyond) = (0.0, usual.clone(), None);
-    let (mut high, mut share) = (1.0, 1.0);
+    // What was asked is known to have no gait, unless a number of it had to be moved into its range.
+    let (mut high, mut share) = (1.0, if end == *asked { 0.5 } else { 1.0 });
     for _ in 0..=HALVINGS {
         match attempt(&between(share)) {
             Ok(limits) => (low, reached) = (share, limits),
+            Err(PlanError::NotConverged { status: nlp::Status::Cancelled, .. }) => {
+                beyond = Some("not looked at, the search's time was over".into());
+                break;
+            }
             Err(error) => (high, beyond) = (share, Some(error.to_string())),
         }
         if low == high {

@@ -8,8 +8,10 @@ use crate::qp::Qp;
 use std::ops::ControlFlow;
 
 mod acceleration;
+mod checks;
 mod ending;
 use acceleration::Acceleration;
+use checks::{crawls, is_finite};
 pub use ending::{Settings, SettingsError, Status};
 
 /// The most broken constraint.
@@ -308,7 +310,7 @@ impl SqpSolver {
             }
             // Relaxed, and the linear model sees no way to break the constraints less: a stationary point of violation.
             let stuck = relaxed && broken_here - broken_there <= 1e-6 * broken_here;
-            if !accepted || (stuck && !feasible) {
+            if !accepted || (stuck && !feasible) || crawls(&log) {
                 break self.without_step(problem, at, feasible, relaxed);
             }
             x.copy_from_slice(&trial);
@@ -429,23 +431,6 @@ pub fn most_broken<P: Problem>(problem: &P, x: &[f64], constraints: &[f64]) -> V
         (_, Some((i, amount))) => Violation { name: problem.constraint_name(i), amount },
         _ => Violation { name: "none".into(), amount: 0.0 },
     }
-}
-
-/// Whether every value and derivative that was asked for is a number.
-fn is_finite(at: &Evaluation) -> bool {
-    finite(&at.gradient) && finite(&at.constraints) && (!at.jacobian_wanted || finite(&at.jacobian))
-}
-
-/// Whether every value is a number, eight at a time: a number times 0 is 0, anything else is not.
-fn finite(values: &[f64]) -> bool {
-    let (eights, rest) = values.as_chunks::<8>();
-    let mut sums = [0.0; 8];
-    for eight in eights {
-        for (sum, value) in sums.iter_mut().zip(eight) {
-            *sum += value * 0.0;
-        }
-    }
-    sums.iter().sum::<f64>() == 0.0 && rest.iter().all(|v| v.is_finite())
 }
 
 /// For each constraint, how far the unknown that moves it most must change to change it by one.

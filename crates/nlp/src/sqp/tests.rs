@@ -282,3 +282,22 @@ fn the_same_problem_gives_the_same_bits() {
     assert_eq!(a.x, b.x);
     assert_eq!(a.log, b.log);
 }
+
+/// A derivative that is none of the function's: the line search lets steps of 1e-4 pass by its forgiveness of rounding,
+/// and the solve crawled to its iteration limit, a subproblem each. A request that could not be planned took minutes.
+#[test]
+fn steps_that_lead_nowhere_end_the_solve() {
+    let flat = Dense::new(
+        [vec![-FREE], vec![FREE]],
+        [vec![], vec![]],
+        |_, _| 0.0,
+        |_, e| {
+            e.gradient[0] = 1e-5;
+            e.hessian[0] = 1e-6;
+        },
+    );
+    let solution = solve(flat, &[0.0]);
+    assert!(matches!(solution.status, Status::NumericalTrouble { .. }), "{:?}", solution.status);
+    assert!(solution.iterations() < 10, "{}", solution.iterations());
+    assert!(solution.log.iter().all(|iteration| iteration.step_length > 0.0), "each was accepted");
+}

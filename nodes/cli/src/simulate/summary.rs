@@ -63,8 +63,9 @@ impl Done {
         );
         text += &drives;
         text += &format!(
-            "  speed       asked {:.3} m/s, got {} m/s ahead and {} m/s to the left\n",
+            "  speed       asked {:.3} m/s{}, got {} m/s ahead and {} m/s to the left\n",
             gait.speed_m_s(),
+            aside(gait),
             known(f.speed_known, f.speed_m_s, 3),
             known(f.speed_known, f.lateral_speed_m_s, 3)
         );
@@ -134,4 +135,13 @@ impl Done {
             "notes": self.walk.notes,
         })
     }
+}
+
+/// What a gait that turns or steps aside was asked for besides.
+fn aside(gait: &Gait) -> String {
+    let asked = |field: &str, unit: &str| match gait.request[field].as_f64() {
+        Some(value) if value != 0.0 => format!(", {value:.3} {unit}"),
+        _ => String::new(),
+    };
+    asked("lateral_speed_m_s", "m/s to the left") + &asked("yaw_rate_rad_s", "rad/s to the left")
 }
