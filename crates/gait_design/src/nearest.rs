@@ -101,19 +101,7 @@ pub fn nearest(
     let own = GaitRequest::named(&asked.behaviour, robot).ok()?;
     let leg_length = leg_length_m(robot);
     let own_numbers = own.ranges(leg_length).map(|r| r.1);
-    let mut end = asked.clone();
-    for (number, own) in end.numbers_mut().into_iter().zip(own_numbers) {
-        if !number.is_finite() {
-            *number = own;
-        }
-    }
-    // Twice, because one range depends on another's value.
-    for _ in 0..2 {
-        let ranges = end.ranges(leg_length);
-        for (number, (_, value, lower, upper, _)) in end.numbers_mut().into_iter().zip(ranges) {
-            *number = value.clamp(lower, upper);
-        }
-    }
+    let end = within_ranges(asked, &own_numbers, leg_length);
     let end_numbers = end.ranges(leg_length).map(|r| r.1);
     let between = |share: f64| {
         let mut request = end.clone();
@@ -165,6 +153,25 @@ pub fn nearest(
         .collect();
     let binding = reached.difference(&usual).cloned().collect();
     Some(Nearest { request, changed, binding, beyond })
+}
+
+/// The request with each number that is not finite replaced by the behaviour's own, and each out of its range by the
+/// range's end.
+fn within_ranges(asked: &GaitRequest, own_numbers: &[f64; GaitRequest::FIELDS], leg_length: f64) -> GaitRequest {
+    let mut end = asked.clone();
+    for (number, own) in end.numbers_mut().into_iter().zip(*own_numbers) {
+        if !number.is_finite() {
+            *number = own;
+        }
+    }
+    // Twice, because one range depends on another's value.
+    for _ in 0..2 {
+        let ranges = end.ranges(leg_length);
+        for (number, (_, value, lower, upper, _)) in end.numbers_mut().into_iter().zip(ranges) {
+            *number = value.clamp(lower, upper);
+        }
+    }
+    end
 }
 
 /// The error of a solve that the search, and not the caller, has stopped.

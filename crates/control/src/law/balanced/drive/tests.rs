@@ -24,7 +24,7 @@ const AHEAD: Velocity = Velocity { forward_m_s: 0.35, left_m_s: 0.0, yaw_rad_s: 
 /// Stance legs that run after a push take away what the body stands on: 60 N s are caught by placing and hurrying.
 #[test]
 fn an_error_of_speed_is_answered_by_the_stance_while_it_is_small_and_not_in_a_push() {
-    let config = BalanceConfig { path_gain_s: 0.0, ..config() };
+    let config = BalanceConfig { path_gain_s: 0.0, speed_integral_rate_s: 0.0, ..config() };
     let answer = |speed_m_s: f64| {
         let mut drive = Drive::new([0.35, 0.0], &estimate([0.35, 0.0, 0.0], [0.0; 3]));
         let estimate = estimate([speed_m_s, 0.0, 0.0], [0.0; 3]);
@@ -32,15 +32,15 @@ fn an_error_of_speed_is_answered_by_the_stance_while_it_is_small_and_not_in_a_pu
         drive.driven(&config).velocity.x - 0.35
     };
     let (small, large) = (answer(0.40), answer(1.85));
-    assert!((-0.015..-0.009).contains(&small), "{small}");
-    assert!((-0.002..0.0).contains(&large), "{large}");
+    assert!((-0.025..-0.018).contains(&small), "{small}");
+    assert!((-0.005..0.0).contains(&large), "{large}");
     assert!((answer(0.30) + small).abs() < 1e-12, "to both sides alike");
 }
 
 /// Told 0.35 m/s and going 0.33 it would be 0.8 m short after 40 s.
 #[test]
 fn a_driven_robot_makes_up_for_where_its_commands_have_led_to_but_not_for_where_it_was_carried() {
-    let config = BalanceConfig { speed_gain: 0.0, ..config() };
+    let config = BalanceConfig { speed_gain: 0.0, speed_integral_rate_s: 0.0, ..config() };
     let wanted = |left_m: f64| {
         let at = |t: f64, left_m: f64| estimate([0.35, 0.0, 0.0], [0.35 * t, left_m, 0.0]);
         let mut drive = Drive::new([0.35, 0.0], &at(0.0, 0.0));
