@@ -90,7 +90,7 @@ impl Controller {
         let torque_nm = self.command(now, dt_s);
         Output {
             body_pose_answer,
-            ..self.output(torque_nm, replies, input.requests.len().saturating_sub(MAX_REQUESTS))
+            ..self.output(torque_nm, replies, input.requests.len().saturating_sub(MAX_REQUESTS), now)
         }
     }
 
@@ -340,6 +340,7 @@ impl Controller {
         torque_nm: [f64; JOINTS],
         replies: [Option<Result<Mode, Refusal>>; MAX_REQUESTS],
         requests_refused_unseen: usize,
+        now: Duration,
     ) -> Output {
         let Snapshot { day, watch, motion, command, cycles, stale_inputs, .. } = &self.memory;
         let (estimate, balance) = self.memory.balance_output(&self.config);
@@ -354,6 +355,7 @@ impl Controller {
             answered: watch.joints.map(|s| s.stamp),
             replies,
             requests_refused_unseen,
+            holds_posture: motion.holds_posture(now),
             step_index: motion.step_index,
             step_phase: motion.step_phase,
             tracking_error_rad: if day.mode.is_moving() {

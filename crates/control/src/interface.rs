@@ -123,6 +123,8 @@ pub struct Output {
     pub replies: [Option<Result<Mode, Refusal>>; MAX_REQUESTS],
     /// Requests beyond those: refused unseen, [`Refusal::TooMany`].
     pub requests_refused_unseen: usize,
+    /// Whether it holds a posture that it has reached: standing, the motion out of a walk has run out.
+    pub holds_posture: bool,
     /// Steps since walking began, counted from 0.
     pub step_index: u64,
     /// t / T, 0 where it does not walk.

@@ -300,6 +300,11 @@ impl Motion {
 
     // ── time ────────────────────────────────────────────────────────────────────────────────────────────────────────
 
+    /// Whether a posture is held that has been reached.
+    pub fn holds_posture(&self, now: Duration) -> bool {
+        matches!(&self.course, Course::Ramp { ramp, start, then: Then::Done } if ramp.is_over(now.saturating_sub(*start)))
+    }
+
     /// In the last `dt_s` the gait's phase ran `rate` times as fast as 1 / T.
     pub fn run(&mut self, config: &Config, rate: f64, dt_s: f64) {
         self.body.follow(config, dt_s);

@@ -134,7 +134,7 @@ impl Publishers {
 
     fn print(&mut self, cycle: &CycleOutput, services: &Services) {
         let output = &cycle.output;
-        services.set_mode(output.mode);
+        services.set_mode(output.mode, output.holds_posture);
         self.command_gaits.iter().for_each(|gaits| gaits.follow(output.cycles, output.mode));
         for (id, reply) in cycle.ids.iter().zip(&output.replies) {
             if *id != 0

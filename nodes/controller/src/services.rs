@@ -48,8 +48,8 @@ pub struct Services {
     config: Config,
     lease: Arc<Lease>,
     lockstep: bool,
-    /// The controller's mode as last published.
-    mode: Mutex<Option<Mode>>,
+    /// The controller's mode as last published, and whether it then held a posture that it had reached.
+    mode: Mutex<Option<(Mode, bool)>>,
 }
 
 /// The middleware's side of the buffers for measurements.
@@ -101,15 +101,20 @@ impl Services {
         Self { command_gaits, ..self }
     }
 
-    /// The cycle's mode.
-    pub fn set_mode(&self, mode: Mode) {
-        *lock(&self.mode) = Some(mode);
+    /// The cycle's mode, and whether it holds a posture that it has reached.
+    pub fn set_mode(&self, mode: Mode, holds_posture: bool) {
+        *lock(&self.mode) = Some((mode, holds_posture));
     }
 
-    /// Waits for a mode; false: it did not come in time, or `hurried`.
-    pub fn wait_for_mode(&self, patience: Duration, hurried: impl Fn() -> bool, wanted: impl Fn(Mode) -> bool) -> bool {
+    /// Waits for a mode, and whether a posture is held in it; false: it did not come in time, or `hurried`.
+    pub fn wait_for_mode(
+        &self,
+        patience: Duration,
+        hurried: impl Fn() -> bool,
+        wanted: impl Fn(Mode, bool) -> bool,
+    ) -> bool {
         let deadline = Instant::now() + patience;
-        while !lock(&self.mode).is_some_and(&wanted) {
+        while !lock(&self.mode).is_some_and(|(mode, holds_posture)| wanted(mode, holds_posture)) {
             if Instant::now() >= deadline || hurried() {
                 return false;
             }
@@ -118,14 +123,19 @@ impl Services {
         true
     }
 
-    /// Where the robot walks: stops it at the next switch and waits until it stands.
+    /// Where the robot walks: stops it at the next switch and waits until it stands still. It stands from the switch on,
+    /// but what moved it there runs out first; damped before, it sinks aside.
     pub fn bring_to_rest(&self, patience: Duration, hurried: impl Fn() -> bool) {
         let moves = |mode| matches!(mode, Mode::Starting | Mode::Walking | Mode::Stopping);
-        if !lock(&self.mode).is_some_and(moves) {
+        let stands_still = |mode, holds_posture| match mode {
+            Mode::Standing => holds_posture,
+            _ => !moves(mode),
+        };
+        if lock(&self.mode).is_none_or(|(mode, holds_posture)| stands_still(mode, holds_posture)) {
             return;
         }
         let (granted, reason) = self.put(Request::Stop);
-        if !granted || !self.wait_for_mode(patience, hurried, |mode| !moves(mode)) {
+        if !granted || !self.wait_for_mode(patience, hurried, stands_still) {
             tracing::warn!("the walk did not come to rest within {patience:?} ({reason}): damping");
         }
     }

@@ -345,7 +345,7 @@ impl Managed for Work {
         }
         running.emergency_stop.set_active(false);
         running.services.end_lease();
-        if !running.services.wait_for_mode(DAMPING_PATIENCE, hurried, |mode| {
+        if !running.services.wait_for_mode(DAMPING_PATIENCE, hurried, |mode, _| {
             matches!(mode, Mode::Damping | Mode::Disarmed | Mode::Fault)
         }) {
             tracing::warn!(
