@@ -123,8 +123,8 @@ impl Services {
         true
     }
 
-    /// Where the robot walks: stops it at the next switch and waits until it stands still. It stands from the switch on,
-    /// but what moved it there runs out first; damped before, it sinks aside.
+    /// Where the robot walks: stops it at the next switch and waits until it stands still. The mode is standing from
+    /// the switch on, while what moved the robot there still runs out; damped before that, it sinks aside.
     pub fn bring_to_rest(&self, patience: Duration, hurried: impl Fn() -> bool) {
         let moves = |mode| matches!(mode, Mode::Starting | Mode::Walking | Mode::Stopping);
         let stands_still = |mode, holds_posture| match mode {
