@@ -35,6 +35,13 @@ pub struct BalanceConfig {
     /// still needs about 1. Walking, from 0.75 to 0.85 serves alike: with 1 the default amble slides down on 10°.
     #[serde(default = "whole")]
     pub slope_shift_share: f64,
+    /// The body goes lower on ground that is steeper than `slope_lowering_from`, a rise over run: by this share of z0
+    /// times what it is steeper. Recordings that are older say nothing of it.
+    #[serde(default)]
+    pub slope_lowering_share: f64,
+    /// The rise over run up to which it keeps its height.
+    #[serde(default)]
+    pub slope_lowering_from: f64,
     /// What a leg has no room for of that shift, to its side, the other leg of its pair takes. Recordings that are
     /// older say nothing of it, and shift all legs alike.
     #[serde(default)]
@@ -126,6 +133,8 @@ impl BalanceConfig {
             ground_gain: 0.5,
             ground_limit: 0.4,
             slope_shift_share: 0.8,
+            slope_lowering_share: 1.0,
+            slope_lowering_from: 0.05,
             pairs_share_shift: true,
             shift_rate_share: 0.18,
             acceleration_m_s2: 0.26 * speed_m_s,
@@ -170,6 +179,8 @@ impl BalanceConfig {
             ("balance.ground_gain", self.ground_gain, 0.0, 1.0),
             ("balance.ground_limit", self.ground_limit, 0.0, 1.0),
             ("balance.slope_shift_share", self.slope_shift_share, 0.0, 2.0),
+            ("balance.slope_lowering_share", self.slope_lowering_share, 0.0, 2.0),
+            ("balance.slope_lowering_from", self.slope_lowering_from, 0.0, 1.0),
             ("balance.shift_rate_share", self.shift_rate_share, 0.0, 10.0),
             ("balance.acceleration_m_s2", self.acceleration_m_s2, 0.01, 100.0),
             ("balance.angular_acceleration_rad_s2", self.angular_acceleration_rad_s2, 0.01, 100.0),

@@ -7,7 +7,7 @@ use tandem_sim_bridge::simulator::{SimulatorOptions, Terrain};
 use tandem_sim_bridge::trial::{Sample, Trial};
 
 /// A gait, and a speed ahead in m/s and a slope ahead in degrees that are not its own.
-const CASES: [(&str, f64, f64); 9] = [
+const CASES: [(&str, f64, f64); 11] = [
     ("gait1", 0.2, 0.0),
     ("gait1", 0.35, 0.0),
     ("gait1", 0.5, 0.0),
@@ -17,6 +17,8 @@ const CASES: [(&str, f64, f64); 9] = [
     ("amble", 0.35, 5.0),
     ("amble", 0.35, -5.0),
     ("amble", 0.35, 8.0),
+    ("amble", 0.35, 15.0),
+    ("amble", 0.35, -15.0),
 ];
 
 pub fn planned(bench: &Bench) {

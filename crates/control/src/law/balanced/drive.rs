@@ -103,11 +103,11 @@ pub(super) struct Driven {
 
 impl Drive {
     /// Begins at this velocity, in the heading that the robot has.
-    pub fn new(velocity: [f64; 2], estimate: &Estimator) -> Self {
+    pub fn new(velocity: &Velocity, estimate: &Estimator) -> Self {
         Self {
-            velocity,
-            yaw_rad_s: 0.0,
-            asked_yaw_rad_s: 0.0,
+            velocity: [velocity.forward_m_s, velocity.left_m_s],
+            yaw_rad_s: velocity.yaw_rad_s,
+            asked_yaw_rad_s: velocity.yaw_rad_s,
             heading_rad: estimate.yaw_rad(),
             filtered: [0.0; 2],
             integral: [0.0; 2],

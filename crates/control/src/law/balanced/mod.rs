@@ -16,12 +16,12 @@ pub(crate) use walk::{Balanced, Trouble};
 
 use crate::prepared_gait::Instant;
 use crate::{JOINTS, PreparedGait, of_leg};
-use drive::Drive;
+use drive::{Drive, wrapped};
 use estimator::Estimator;
 use gait::StepSide;
 use ground::Ground;
 use nalgebra::{Vector2, Vector3};
-use reference::{Planned, Shape, smooth};
+use reference::{Planned, Shape, smooth, standing};
 
 /// The reference's rate is its change over this phase.
 const STEP: f64 = 1e-3;
@@ -55,6 +55,9 @@ pub struct Balance {
     /// Hips over toes in the gait, m.
     height_m: f64,
     own_velocity: [f64; 2],
+    /// Turning of the gait by itself, rad/s. Recordings that are older know of none.
+    #[serde(default)]
+    own_yaw_rad_s: f64,
     middle_rad: [f64; JOINTS],
     drive: Drive,
     ground: Ground,
@@ -97,8 +100,9 @@ impl Balance {
         let mut balance = Self {
             height_m: 1.0,
             own_velocity: [0.0; 2],
+            own_yaw_rad_s: 0.0,
             middle_rad: [0.0; JOINTS],
-            drive: Drive::new([0.0; 2], cycle.estimate),
+            drive: Drive::new(&Velocity::default(), cycle.estimate),
             ground: Ground::default(),
             steps: 0,
             phase: 0.0,
@@ -111,7 +115,7 @@ impl Balance {
         };
         balance.adopt(cycle);
         if moving {
-            balance.drive = Drive::new(balance.own_velocity, cycle.estimate);
+            balance.drive = Drive::new(&balance.own_velocity(), cycle.estimate);
         }
         let frames = balance.ground.frames(cycle.estimate);
         balance.ground.fit(cycle.config, &toes_m(cycle), &frames, 1.0);
@@ -126,13 +130,16 @@ impl Balance {
             |side: StepSide, s: f64, leg: usize| config.legs[leg].toe_m(&of_leg(&gait.at(side, s).position_rad, leg));
         self.height_m =
             (0..4).map(|leg| config.legs[leg].hip_m().z - toe(StepSide::First, 0.0, leg).z).sum::<f64>() / 4.0;
-        let mut moved = Vector3::zeros();
+        // Stance toes go back as the body goes ahead, and turn the other way; two steps undo each other's sway.
+        let (mut moved, mut turned_rad) = (Vector3::zeros(), 0.0);
         for side in StepSide::BOTH {
-            for leg in (0..4).filter(|&leg| !swings(side)[leg]) {
-                moved += toe(side, 1.0, leg) - toe(side, 0.0, leg);
-            }
+            let [begins, ends] = [0.0, 1.0].map(|s| standing(side).map(|leg| toe(side, s, leg)));
+            moved += ends[0] + ends[1] - begins[0] - begins[1];
+            let [begun_rad, ended_rad] = [begins, ends].map(|[one, other]| (one - other).y.atan2((one - other).x));
+            turned_rad -= wrapped(ended_rad - begun_rad);
         }
         self.own_velocity = (-moved.xy() / (4.0 * gait.step_duration_s())).into();
+        self.own_yaw_rad_s = turned_rad / (2.0 * gait.step_duration_s());
         let [a, b] = StepSide::BOTH.map(|side| gait.at(side, 0.0).position_rad);
         self.middle_rad = std::array::from_fn(|j| 0.5 * (a[j] + b[j]));
         self.rate_s = 1.0 / gait.step_duration_s();
@@ -156,7 +163,8 @@ impl Balance {
 
     /// The gait's own velocity, m/s: what is walked where nothing else is asked for.
     pub fn own_velocity(&self) -> Velocity {
-        Velocity { forward_m_s: self.own_velocity[0], left_m_s: self.own_velocity[1], yaw_rad_s: 0.0 }
+        let [forward_m_s, left_m_s] = self.own_velocity;
+        Velocity { forward_m_s, left_m_s, yaw_rad_s: self.own_yaw_rad_s }
     }
 
     /// Which legs are planned to swing.
@@ -270,6 +278,7 @@ impl Balance {
             side: self.side(),
             driven: self.drive.driven(cycle.config),
             own_velocity: Vector2::from(self.own_velocity) * cycle.share,
+            own_yaw_rad_s: self.own_yaw_rad_s * cycle.share,
             middle_rad: self.middle_rad,
             share: cycle.share,
             ground: self.ground,
@@ -282,9 +291,7 @@ impl Balance {
     /// across.
     fn error(&self, cycle: &Cycle, shape: &Shape, now: &Planned, next: &Planned) -> Error {
         let lambda = self.lambda_s(cycle);
-        let swings = self.swings();
-        let mut standing = (0..4).filter(|&leg| !swings[leg]);
-        let pair = [standing.next().unwrap_or(0), standing.next().unwrap_or(1)];
+        let pair = standing(self.side());
         let measured =
             pair.map(|leg| shape.frames.heading * cycle.config.legs[leg].toe_m(&of_leg(cycle.position_rad, leg)));
         let mean = |toes: [Vector3<f64>; 2]| -0.5 * (toes[0] + toes[1]).xy();

@@ -23,6 +23,12 @@ pub(crate) fn swings(side: StepSide) -> [bool; 4] {
     side.stands().map(|stands| !stands)
 }
 
+/// The two legs that stand in a step of this side, by number.
+pub(super) fn standing(side: StepSide) -> [usize; 2] {
+    let mut legs = (0..4).filter(|&leg| !swings(side)[leg]);
+    std::array::from_fn(|_| legs.next().unwrap_or_default())
+}
+
 /// The plan at one phase, driven: joints B, toes p̄ from the body, and the compensating torque.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Planned {
@@ -47,6 +53,8 @@ pub(super) struct Shape<'a> {
     pub driven: Driven,
     /// The gait's own velocity, m/s.
     pub own_velocity: Vector2<f64>,
+    /// Its own turning, rad/s.
+    pub own_yaw_rad_s: f64,
     /// Middle of the gait's postures, rad, and the share of the motion about it that is walked.
     pub middle_rad: [f64; JOINTS],
     pub share: f64,
@@ -67,12 +75,13 @@ impl Shape<'_> {
         let swings = swings(self.side);
         let period_s = self.gait.step_duration_s();
         let beyond = self.driven.velocity - self.own_velocity;
+        let turning_beyond = self.driven.yaw_rad_s - self.own_yaw_rad_s;
         let toes_m = std::array::from_fn(|leg| {
             let toe = self.config.legs[leg].toe_m(&of_leg(&joints_rad, leg));
             // Same value and slope at both ends.
             let progress = if swings[leg] { 0.5 + s * (1.0 + s * (4.0 * s - 6.0)) } else { s - 0.5 };
             let t = period_s * progress;
-            let (sine, cosine) = (self.driven.yaw_rad_s * t).sin_cos();
+            let (sine, cosine) = (turning_beyond * t).sin_cos();
             let (x, y) = (toe.x - beyond.x * t, toe.y - beyond.y * t);
             Vector3::new(cosine * x + sine * y, cosine * y - sine * x, toe.z)
         });
@@ -91,6 +100,7 @@ impl Shape<'_> {
             let by = if swings[leg] { offset * (1.0 - reached) + placement * reached } else { offset } + shifts[leg];
             toe.x += by.x;
             toe.y += by.y;
+            toe.z += self.ground.lowered_m;
             if swings[leg] {
                 // Where the toe would be from a body that is parallel to the ground.
                 let away = self.frames.ground.tr_mul(&toe) - toe;

@@ -81,7 +81,7 @@ impl Balanced {
         let asked = self.asked.unwrap_or(Velocity {
             forward_m_s: cycle.share * own.forward_m_s,
             left_m_s: cycle.share * own.left_m_s,
-            yaw_rad_s: 0.0,
+            yaw_rad_s: cycle.share * own.yaw_rad_s,
         });
         let at = self.balance.step(cycle, &asked);
         self.reference = JointCommand {

@@ -26,7 +26,7 @@ const AHEAD: Velocity = Velocity { forward_m_s: 0.35, left_m_s: 0.0, yaw_rad_s: 
 fn an_error_of_speed_is_answered_by_the_stance_while_it_is_small_and_not_in_a_push() {
     let config = BalanceConfig { path_gain_s: 0.0, speed_integral_rate_s: 0.0, ..config() };
     let answer = |speed_m_s: f64| {
-        let mut drive = Drive::new([0.35, 0.0], &estimate([0.35, 0.0, 0.0], [0.0; 3]));
+        let mut drive = Drive::new(&AHEAD, &estimate([0.35, 0.0, 0.0], [0.0; 3]));
         let estimate = estimate([speed_m_s, 0.0, 0.0], [0.0; 3]);
         (0..3000).for_each(|_| drive.step(&config, &AHEAD, &estimate, DT_S));
         drive.driven(&config).velocity.x - 0.35
@@ -43,7 +43,7 @@ fn a_driven_robot_makes_up_for_where_its_commands_have_led_to_but_not_for_where_
     let config = BalanceConfig { speed_gain: 0.0, speed_integral_rate_s: 0.0, ..config() };
     let wanted = |left_m: f64| {
         let at = |t: f64, left_m: f64| estimate([0.35, 0.0, 0.0], [0.35 * t, left_m, 0.0]);
-        let mut drive = Drive::new([0.35, 0.0], &at(0.0, 0.0));
+        let mut drive = Drive::new(&AHEAD, &at(0.0, 0.0));
         let mut left = |from: usize, to: usize, left_m: f64| {
             (from..to).for_each(|n| drive.step(&config, &AHEAD, &at(DT_S * n as f64, left_m), DT_S));
             drive.driven(&config).velocity.y
