@@ -16,6 +16,7 @@
 
 mod costs;
 mod names;
+mod order;
 mod plan;
 mod point;
 mod schedule;
@@ -129,6 +130,11 @@ impl FullOrderProgram {
 
     fn objective(&self, x: &[f64]) -> f64 {
         self.cost.iter().map(|s| s.weight * (x[s.column] - s.centre).powi(2)).sum()
+    }
+
+    /// The order in which its equalities are solved, where it has one of its own.
+    fn order(&self) -> Option<nlp::Order> {
+        if self.joints_prescribed { order::of(&self.schedule, self.terms.ties()) } else { None }
     }
 
     /// Adds the cost of moving the joints otherwise than in `x`, and of holding them elsewhere.

@@ -13,11 +13,13 @@
 
 mod arrow_qp;
 mod null_space;
+mod ordered;
 mod problem;
 mod qp;
 mod sqp;
 
 pub use arrow_qp::{ArrowQp, ArrowQpError, ArrowRow, DualActiveSet, Own};
 pub use null_space::NullSpace;
+pub use ordered::{Order, Ordered, Stage};
 pub use problem::{Bounds, Evaluation, Multipliers, Pattern, Problem, ProblemError, Step, Subproblem, SubproblemError};
 pub use sqp::{Iteration, Settings, SettingsError, Solution, SqpSolver, Status, Violation, Workspace, most_broken};

@@ -1,7 +1,7 @@
 //! A plan by the full-order program.
 
 use super::schedule::COEFFICIENTS;
-use super::{FullOrderProgram, start};
+use super::{FullOrderProgram, order, start};
 use crate::certificate::certificate;
 use crate::planar::PlanarMotion;
 use crate::refine::finer_grid;
@@ -11,7 +11,7 @@ use crate::{
     not_converged, on_slope, program_with_offset, recompose, summary,
 };
 use gait::{Coefficients, Gait, JOINTS, SecondStep};
-use nlp::{Iteration, NullSpace, Solution, SqpSolver, Workspace};
+use nlp::{Iteration, NullSpace, Ordered, Solution, SqpSolver, Workspace};
 use robot::Robot;
 use std::ops::ControlFlow;
 
@@ -125,14 +125,18 @@ fn solve(
     const SHARED_FINE: usize = 128;
     let solver = SqpSolver::new(options.solver.clone())?;
     let (scale, mut workspace) = (options.solver.objective_scale, Workspace::default());
-    Ok(match options.subproblem {
-        SubproblemSolver::Sparse => solver.solve(program, start, progress)?,
-        SubproblemSolver::Eliminated | SubproblemSolver::Condensed if options.program.points <= 11 => {
-            solver.solve_with(program, &mut NullSpace::<SHARED>::new(scale), start, &mut workspace, progress)?
-        }
-        SubproblemSolver::Eliminated | SubproblemSolver::Condensed => {
-            solver.solve_with(program, &mut NullSpace::<SHARED_FINE>::new(scale), start, &mut workspace, progress)?
-        }
+    if options.subproblem == SubproblemSolver::Sparse {
+        return Ok(solver.solve(program, start, progress)?);
+    }
+    let order = program.order().filter(|_| options.subproblem == SubproblemSolver::Condensed);
+    let ordered = order.and_then(|order| Ordered::<{ order::INPUTS }, { order::FREE }>::new(program, &order, scale));
+    if let Some(mut ordered) = ordered {
+        return Ok(solver.solve_with(program, &mut ordered, start, &mut workspace, progress)?);
+    }
+    Ok(if options.program.points <= 11 {
+        solver.solve_with(program, &mut NullSpace::<SHARED>::new(scale), start, &mut workspace, progress)?
+    } else {
+        solver.solve_with(program, &mut NullSpace::<SHARED_FINE>::new(scale), start, &mut workspace, progress)?
     })
 }
 

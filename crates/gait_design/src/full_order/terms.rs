@@ -46,6 +46,10 @@ pub(super) trait Term {
     fn values(&self, at: &At, rows: &mut [f64]);
     /// Every row's derivatives; which there are must not depend on `at`.
     fn derivatives(&self, at: &At, rows: &mut Rows);
+    /// Whether its rows join what happens at different times: they are not solved along the schedule, but left to the end.
+    fn is_tie(&self) -> bool {
+        false
+    }
     /// What a row is, for people.
     fn name(&self, row: usize, names: &Names) -> String;
 }
@@ -150,6 +154,12 @@ impl Terms {
     /// (lower, upper) of every row.
     pub fn bounds(&self) -> Vec<[f64; 2]> {
         self.0.iter().flat_map(|(_, term)| term.bounds()).collect()
+    }
+
+    /// Rows that are left to the end ([`Term::is_tie`]).
+    pub fn ties(&self) -> Vec<usize> {
+        let ties = self.0.iter().filter(|(_, term)| term.is_tie());
+        ties.flat_map(|(first, term)| *first..first + term.bounds().len()).collect()
     }
 
     pub fn values(&self, at: &At, values: &mut [f64]) {

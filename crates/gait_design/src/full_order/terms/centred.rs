@@ -66,6 +66,10 @@ impl Term for Centred {
         rows.put(1, at.t_column, -self.motion.yaw_rad(self.middle.time));
     }
 
+    fn is_tie(&self) -> bool {
+        true
+    }
+
     fn name(&self, row: usize, names: &Names) -> String {
         format!("{} opposite at the two switches", names.coordinate([Y, YAW][row]))
     }

@@ -39,6 +39,10 @@ impl Term for OnTheFloor {
         }
     }
 
+    fn is_tie(&self) -> bool {
+        true
+    }
+
     fn name(&self, row: usize, names: &Names) -> String {
         format!("{} on the floor{}", names.toe(self.stance[row]), self.step)
     }

@@ -129,6 +129,10 @@ impl Term for Switch {
         rows.put(YAW, at.t_column, -motion.yaw_rad(duration));
     }
 
+    fn is_tie(&self) -> bool {
+        !matches!(self.link, Link::Joined)
+    }
+
     fn name(&self, row: usize, names: &Names) -> String {
         let what = if row < DOF { "" } else { "the velocity of " };
         format!("periodicity of {what}{}{}", names.coordinate(row % DOF), self.step)

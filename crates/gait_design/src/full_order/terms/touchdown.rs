@@ -46,6 +46,10 @@ impl Term for SoftTouchdown {
         }
     }
 
+    fn is_tie(&self) -> bool {
+        true
+    }
+
     fn name(&self, row: usize, names: &Names) -> String {
         format!("soft touchdown of {}{}", names.toe(self.landing[row / 3]), self.step)
     }
