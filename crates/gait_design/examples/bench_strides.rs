@@ -1,17 +1,19 @@
-//! Times of plans over two steps on the Vision 60, one `name = value` line each; `launch-scripts/bench planner` runs it
-//! on one core.
+//! Times of plans over two steps on the Vision 60, one `name = value` line each; `launch-scripts/bench planner` runs it.
 //!
-//! bench_strides times | one
+//! bench_strides times | library THREADS | one
+//!
+//! `one` plans a single stride, for a profiler.
 
-use gait_design::{GaitRequest, Plan, PlanOptions, plan};
+use gait_design::{GaitRequest, Plan, PlanOptions, Planner, plan};
 use robot::Robot;
 use std::hint::black_box;
 use std::ops::ControlFlow;
 use std::path::Path;
+use std::sync::atomic::{AtomicUsize, Ordering};
 use std::time::Instant;
 
-/// Rounds of every timing; the median of the rounds is what counts.
-const ROUNDS: usize = 5;
+/// Rounds of every timing; the fastest counts, since a longer solve is interrupted more often.
+const ROUNDS: usize = 9;
 
 /// Speed ahead and to the left, m/s, and yaw rate, rad/s, of ambles with steps of 0.22 s that lift their toes by 8 cm.
 const MOTIONS: [[f64; 3]; 8] = [
@@ -40,52 +42,127 @@ fn median(mut values: Vec<f64>) -> f64 {
     values[values.len() / 2]
 }
 
-fn mean(values: impl ExactSizeIterator<Item = f64>) -> f64 {
-    let count = values.len() as f64;
-    values.sum::<f64>() / count
+fn mean(values: &[f64]) -> f64 {
+    values.iter().sum::<f64>() / values.len() as f64
 }
 
 fn main() {
     let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../config/robots/vision60");
     let robot = Robot::load(&folder).expect("the robot's folder belongs to the project");
-    let options = PlanOptions::default();
-    match std::env::args().nth(1).as_deref() {
-        Some("times") => times(&robot, &options),
-        Some("one") => {
-            let plan = solve(&robot, &request(&robot, MOTIONS[2]), &options);
+    let arguments: Vec<String> = std::env::args().skip(1).collect();
+    match arguments.iter().map(String::as_str).collect::<Vec<_>>()[..] {
+        ["times"] => {
+            cold(&robot);
+            warm(&robot);
+        }
+        ["library", threads] => library(&robot, threads.parse().expect("a number of threads")),
+        ["one"] => {
+            let plan = solve(&robot, &request(&robot, MOTIONS[2]), &PlanOptions::default());
             let solver = &plan.gait.solver;
             println!("{} iterations, {} points, cost {:.12}", solver.iterations, plan.points.len(), solver.objective);
-            for i in &plan.log {
-                println!("{i:?}");
-            }
         }
         _ => {
-            eprintln!("usage: bench_strides times | one");
+            eprintln!("usage: bench_strides times | library THREADS | one");
             std::process::exit(2);
         }
     }
 }
 
-fn times(robot: &Robot, options: &PlanOptions) {
-    let (mut cold, mut iterations) = (Vec::new(), Vec::new());
+/// The fastest of several plans, ms.
+fn fastest_ms(robot: &Robot, request: &GaitRequest) -> f64 {
+    let times = (0..ROUNDS).map(|_| {
+        let start = Instant::now();
+        black_box(solve(robot, black_box(request), &PlanOptions::default()));
+        1e3 * start.elapsed().as_secs_f64()
+    });
+    times.fold(f64::INFINITY, f64::min)
+}
+
+fn cold(robot: &Robot) {
+    let amble = GaitRequest::named("amble", robot).expect("a behaviour's own name");
+    let (mut times, mut ratios, mut iterations) = (Vec::new(), Vec::new(), Vec::new());
     for motion in MOTIONS {
         let request = request(robot, motion);
-        let times = (0..ROUNDS).map(|_| {
-            let start = Instant::now();
-            black_box(solve(robot, black_box(&request), options));
-            1e3 * start.elapsed().as_secs_f64()
-        });
-        cold.push(median(times.collect()));
-        let plan = solve(robot, &request, options);
-        println!(
-            "# {motion:?} {} {} {:.10} {:.2}",
-            plan.gait.solver.iterations,
-            plan.points.len(),
-            plan.gait.solver.objective,
-            cold.last().unwrap()
-        );
+        let plan = solve(robot, &request, &PlanOptions::default());
+        let ms = fastest_ms(robot, &request);
+        // Right after, for the machine's speed changes.
+        ratios.push(ms / fastest_ms(robot, &amble));
+        times.push(ms);
         iterations.push(f64::from(plan.gait.solver.iterations));
+        let ([x, y, turn], points) = (motion, plan.points.len());
+        println!(
+            "# {x} m/s, {y} m/s, {turn} rad/s: {} iterations, {points} points, {ms:.2} ms",
+            plan.gait.solver.iterations
+        );
     }
-    println!("stride_cold_ms = {:.2}", mean(cold.into_iter()));
-    println!("stride_cold_iterations_mean = {:.2}", mean(iterations.into_iter()));
+    println!("stride_cold_ms = {:.2}", median(times.clone()));
+    println!("stride_cold_worst_ms = {:.2}", times.into_iter().fold(0.0, f64::max));
+    println!("stride_cold_over_amble = {:.2}", median(ratios));
+    println!("stride_cold_iterations_mean = {:.2}", mean(&iterations));
+}
+
+/// Numbers between 0 and 1, the same ones every time (Knuth's MMIX generator).
+fn random() -> impl FnMut() -> f64 {
+    let mut state = 1_u64;
+    move || {
+        state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+        (state >> 11) as f64 / (1_u64 << 53) as f64
+    }
+}
+
+/// Motions at random by a planner that remembers: the first ones fill its memory, the last ones count.
+fn warm(robot: &Robot) {
+    const REMEMBERED: usize = 200;
+    const COUNTED: usize = 60;
+    let mut planner = Planner::with_memory(robot);
+    let mut between_0_and_1 = random();
+    let (mut times, mut iterations) = (Vec::new(), Vec::new());
+    for number in 0..REMEMBERED + COUNTED {
+        let mut either_way = |most: f64| most * (2.0 * between_0_and_1() - 1.0);
+        let request = request(robot, [0.25 + either_way(0.25), either_way(0.2), either_way(0.4)]);
+        let start = Instant::now();
+        let plan = planner.plan(black_box(&request), &PlanOptions::default(), |_| ControlFlow::Continue(()));
+        let plan = black_box(plan.expect("the benchmark's requests have gaits"));
+        if number >= REMEMBERED {
+            times.push(1e3 * start.elapsed().as_secs_f64());
+            iterations.push(f64::from(plan.gait.solver.iterations));
+        }
+    }
+    println!("stride_warm_ms = {:.2}", median(times));
+    println!("stride_warm_iterations_mean = {:.2}", mean(&iterations));
+}
+
+/// Time to plan 7 × 5 × 7 motions, a speed ahead to a thread at a time.
+fn library(robot: &Robot, threads: usize) {
+    let spread = |first: f64, step: f64, count: usize| (0..count).map(move |k| first + step * k as f64);
+    let speeds: Vec<f64> = spread(-0.3, 0.15, 7).collect();
+    let (next, refused, iterations) = (AtomicUsize::new(0), AtomicUsize::new(0), AtomicUsize::new(0));
+    let row = |speed_m_s: f64| {
+        let mut planner = Planner::with_memory(robot);
+        for lateral_speed_m_s in spread(-0.2, 0.1, 5) {
+            for yaw_rate_rad_s in spread(-0.6, 0.2, 7) {
+                let request = request(robot, [speed_m_s, lateral_speed_m_s, yaw_rate_rad_s]);
+                match planner.plan(&request, &PlanOptions::default(), |_| ControlFlow::Continue(())) {
+                    Ok(plan) => drop(iterations.fetch_add(plan.gait.solver.iterations as usize, Ordering::Relaxed)),
+                    Err(why) => {
+                        eprintln!("bench_strides: refused: {request:?}: {why}");
+                        refused.fetch_add(1, Ordering::Relaxed);
+                    }
+                }
+            }
+        }
+    };
+    let start = Instant::now();
+    std::thread::scope(|scope| {
+        for _ in 0..threads {
+            scope.spawn(|| {
+                while let Some(speed) = speeds.get(next.fetch_add(1, Ordering::Relaxed)) {
+                    row(*speed);
+                }
+            });
+        }
+    });
+    println!("library_7x5x7_s = {:.2}", start.elapsed().as_secs_f64());
+    println!("library_7x5x7_refused = {}", refused.into_inner());
+    println!("library_7x5x7_mean_iterations = {:.2}", iterations.into_inner() as f64 / 245.0);
 }

@@ -67,6 +67,11 @@ impl DecomposedPlanner {
         &self.robot
     }
 
+    /// By how much the rear legs' joints are off those of the front ones across; none where they cannot follow them.
+    pub fn rear_offset_rad(&self) -> Option<[f64; 6]> {
+        self.rear_offset_rad.as_ref().ok().copied()
+    }
+
     /// Whether the rear legs can do as the front ones across do: the decomposed program has them so.
     pub fn rear_follows(&self) -> bool {
         self.rear_offset_rad.is_ok()

@@ -18,13 +18,16 @@ mod costs;
 mod names;
 mod order;
 mod plan;
+mod planner;
 mod point;
+mod refine;
 mod schedule;
 mod start;
 mod terms;
 mod variables;
 
 pub use plan::{plan_full_order, stride_start};
+pub(crate) use planner::FullOrderPlanner;
 
 use crate::Reference;
 use crate::limits::{Limits, ProgramSettings};
@@ -134,7 +137,7 @@ impl FullOrderProgram {
 
     /// The order in which its equalities are solved, where it has one of its own.
     fn order(&self) -> Option<nlp::Order> {
-        if self.joints_prescribed { order::of(&self.schedule, self.terms.ties()) } else { None }
+        order::of(&self.schedule, self.terms.ties(), self.joints_prescribed)
     }
 
     /// Adds the cost of moving the joints otherwise than in `x`, and of holding them elsewhere.
@@ -213,3 +216,5 @@ impl Problem for FullOrderProgram {
 
 #[cfg(test)]
 mod tests;
+#[cfg(test)]
+mod tests_order;

@@ -1,7 +1,7 @@
 //! Planning many gaits for one robot: by the decomposed program where it knows the request, else by the full-order one.
 
 use crate::decomposed::DecomposedPlanner;
-use crate::full_order::plan_full_order;
+use crate::full_order::FullOrderPlanner;
 use crate::request::GaitRequest;
 use crate::{Plan, PlanError, PlanOptions, Reference};
 use nlp::{Iteration, Solution};
@@ -11,6 +11,7 @@ use std::ops::ControlFlow;
 /// Plans gaits for one robot, with ([`Planner::with_memory`]) or without memory of the gaits before ([`Planner::new`]).
 pub struct Planner {
     decomposed: DecomposedPlanner,
+    full_order: FullOrderPlanner,
 }
 
 impl Planner {
@@ -27,7 +28,7 @@ impl Planner {
     }
 
     fn of(robot: &Robot, remembers: bool) -> Self {
-        Self { decomposed: DecomposedPlanner::new(robot, remembers) }
+        Self { decomposed: DecomposedPlanner::new(robot, remembers), full_order: FullOrderPlanner::new(remembers) }
     }
 
     /// [`crate::plan`].
@@ -42,7 +43,7 @@ impl Planner {
         progress: impl FnMut(&Iteration) -> ControlFlow<()>,
     ) -> Result<Plan, PlanError> {
         if !self.decomposed.rear_follows() || !request.is_decomposable() || options.reference == Reference::InProgram {
-            return plan_full_order(self.decomposed.robot(), request, options, progress);
+            return self.full_order.plan(&mut self.decomposed, request, options, progress);
         }
         self.decomposed.plan(request, options, progress)
     }

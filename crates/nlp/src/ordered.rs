@@ -62,13 +62,13 @@ pub struct Ordered<const INPUTS: usize, const FREE: usize> {
 struct Numbers<const INPUTS: usize, const FREE: usize> {
     factors: Vec<Factor>,
     loads: Vec<Load>,
-    /// Every variable's step as a function of all inputs, where the ties ask for it. The constant is the last entry, here and
-    /// below.
+    /// Every variable's step as a function of all inputs, where the ties ask for it. The constant is the last entry, here
+    /// and below.
     by_inputs: Vec<[f64; INPUTS]>,
-    by_input_rows: Vec<[f64; INPUTS]>,
+    input_rows: Vec<[f64; INPUTS]>,
     /// Every variable's step as a function of the free inputs; what it takes of its load's own unknown is in `own`.
     by_free: Vec<[f64; FREE]>,
-    by_free_rows: Vec<[f64; FREE]>,
+    free_rows: Vec<[f64; FREE]>,
     own: Vec<f64>,
     /// How many inputs are free.
     free: usize,
@@ -102,9 +102,9 @@ impl<const INPUTS: usize, const FREE: usize> Ordered<INPUTS, FREE> {
                 factors: vec![Factor::default(); structure.stages.len()],
                 loads: vec![Load::default(); structure.loads.len()],
                 by_inputs: Vec::new(),
-                by_input_rows: Vec::new(),
+                input_rows: Vec::new(),
                 by_free: Vec::new(),
-                by_free_rows: Vec::new(),
+                free_rows: Vec::new(),
                 own: Vec::new(),
                 free: 0,
                 work: Vec::new(),
@@ -115,6 +115,11 @@ impl<const INPUTS: usize, const FREE: usize> Ordered<INPUTS, FREE> {
             sparse: None,
             scale,
         })
+    }
+
+    /// Whether it can be used for a problem and an order as it is.
+    pub fn fits(&self, problem: &impl Problem, order: &Order) -> bool {
+        self.structure.fits(problem, order)
     }
 
     /// Forgets which rows were active: what it gives next depends on nothing before.
@@ -192,22 +197,22 @@ impl<const INPUTS: usize, const FREE: usize> Numbers<INPUTS, FREE> {
         self.own.clear();
         self.own.resize(structure.variables, 0.0);
         for (load, pattern) in self.loads.iter_mut().zip(&structure.loads) {
-            load.factorise(structure, pattern, asked, &mut self.work)?;
+            load.factorise(pattern, asked, &mut self.work)?;
             for (&column, share) in pattern.columns.iter().zip(&load.own) {
                 self.own[column] = *share;
             }
         }
         for (factor, pattern) in self.factors.iter_mut().zip(&structure.stages) {
-            factor.factorise(structure, pattern, asked, &self.loads)?;
+            factor.factorise(pattern, asked, &self.loads)?;
         }
         self.by_inputs.resize(structure.variables, [0.0; INPUTS]);
         for (k, &input) in structure.inputs.iter().enumerate() {
             self.by_inputs[input] = [0.0; INPUTS];
             self.by_inputs[input][k] = 1.0;
         }
-        let rows = &mut self.by_input_rows;
+        let rows = &mut self.input_rows;
         for (factor, pattern) in self.factors.iter().zip(&structure.stages).filter(|(_, pattern)| pattern.tied) {
-            factor.follow(structure, pattern, asked, &self.loads, &mut self.by_inputs, rows);
+            factor.follow(pattern, asked, &self.loads, &mut self.by_inputs, rows);
         }
         let (free, inputs) = ties::solve::<INPUTS, FREE>(structure, asked, &self.by_inputs)?;
         self.free = free;
@@ -215,13 +220,16 @@ impl<const INPUTS: usize, const FREE: usize> Numbers<INPUTS, FREE> {
         for (&input, row) in structure.inputs.iter().zip(inputs) {
             self.by_free[input] = row;
         }
-        let rows = &mut self.by_free_rows;
+        let rows = &mut self.free_rows;
         for (factor, pattern) in self.factors.iter().zip(&structure.stages) {
-            factor.follow(structure, pattern, asked, &self.loads, &mut self.by_free, rows);
+            factor.follow(pattern, asked, &self.loads, &mut self.by_free, rows);
         }
         for (load, pattern) in self.loads.iter().zip(&structure.loads) {
-            load.follow(structure, pattern, asked, &mut self.by_free, rows);
+            load.follow(pattern, asked, &mut self.by_free, rows);
         }
         Ok(())
     }
 }
+
+#[cfg(test)]
+mod tests;

@@ -1,35 +1,41 @@
-//! The order in which the program's equalities are solved ([`nlp::Ordered`]), where the joints follow polynomials and two
-//! toes stand.
+//! The order in which the program's equalities are solved ([`nlp::Ordered`]).
 //!
-//! **Inputs** are the state of the body and of the stance hip roll at the beginning, the coefficients of the other
+//! **Where the joints follow polynomials** and two toes stand, **inputs** are the state of the body and of the stance hip roll at the beginning, the coefficients of the other
 //! eleven joints, and T. Then, point by point: the other joints from their polynomials; the seven accelerations that are
 //! left, the body's and the stance hip roll's, from the stance toes' six rows and the one row of the dynamics that
 //! feels no force on them; a Hermite–Simpson interval couples those of two points. A domain begins where the one before
 //! ends, and its joints' first two coefficients are what their angles and rates ask for. Torques and ground forces
 //! follow up to the force along the line between the stance toes. **Ties** are what joins the end to the beginning, and
 //! what holds where a domain begins or ends.
+//!
+//! **Where the joints follow a law** about polynomials, all coefficients and the whole state at the beginning are inputs.
+//! Torques follow from the law, accelerations and ground forces from the dynamics and the stance toes' rows, at any number
+//! of stance toes.
 
 use super::schedule::{COEFFICIENTS, DOF, Place, Schedule, at};
 use gait::JOINTS;
 use nlp::{Order, Stage};
 
-/// Bounds of what [`of`] gives for up to two domains: inputs, and free ones, each with a place for the constant.
+/// Room for up to two domains whose joints follow polynomials: inputs, and free ones, each with a place for the constant.
 pub(super) const INPUTS: usize = 128;
 pub(super) const FREE: usize = 72;
+/// The same where they follow the law: 181 and 126.
+pub(super) const INPUTS_OF_THE_LAW: usize = 184;
+pub(super) const FREE_OF_THE_LAW: usize = 128;
 
-/// The order for a schedule whose joints follow polynomials; none where other than two toes stand.
-pub(super) fn of(schedule: &Schedule, ties: Vec<usize>) -> Option<Order> {
-    if schedule.domains.iter().any(|d| d.stance.len() != 2) {
+/// The order for a schedule; none where the joints follow polynomials and other than two toes stand.
+pub(super) fn of(schedule: &Schedule, ties: Vec<usize>, joints_prescribed: bool) -> Option<Order> {
+    if joints_prescribed && schedule.domains.iter().any(|d| d.stance.len() != 2) {
         return None;
     }
-    let loads = schedule.places().iter().map(|place| {
-        let columns = schedule.columns(place);
-        (columns.start + at::U..columns.end).collect()
-    });
-    let mut order = Order { inputs: Vec::new(), loads: loads.collect(), stages: Vec::new(), ties };
-    order.inputs.push(schedule.t());
+    let mut order = Order { inputs: vec![schedule.t()], loads: Vec::new(), stages: Vec::new(), ties };
     for domain in 0..schedule.domains.len() {
-        Along { schedule, domain }.put(&mut order);
+        let along = Along { schedule, domain };
+        if joints_prescribed {
+            along.put(&mut order);
+        } else {
+            along.put_of_the_law(&mut order);
+        }
     }
     Some(order)
 }
@@ -65,8 +71,16 @@ impl Along<'_> {
         (0..COEFFICIENTS).map(move |k| self.schedule.alpha(self.domain, k, joint))
     }
 
+    /// A point's columns from a block on.
+    fn columns(&self, place: &Place, block: usize) -> std::ops::Range<usize> {
+        let columns = self.schedule.columns(place);
+        columns.start + block..columns.end
+    }
+
     fn put(&self, order: &mut Order) {
         let places = self.schedule.places_of(self.domain);
+        let forces = |place: &Place| self.columns(place, at::U).collect();
+        order.loads.extend(places.iter().map(forces));
         self.begin(&places[0], order);
         for place in places {
             order.stages.extend(self.prescribed().map(|j| one(place.column + at::A + 6 + j)));
@@ -105,6 +119,30 @@ impl Along<'_> {
             order.inputs.extend(self.prescribed().flat_map(|j| self.coefficients(j).skip(2)));
             let coefficients = (0..JOINTS).flat_map(|j| self.coefficients(j).take(2));
             order.stages.extend(state.chain(coefficients).map(one));
+        }
+    }
+
+    fn put_of_the_law(&self, order: &mut Order) {
+        let places = self.schedule.places_of(self.domain);
+        let block = |place: &Place, from: usize, to: usize| place.column + from..place.column + to;
+        order.inputs.extend((0..JOINTS).flat_map(|j| self.coefficients(j)));
+        let state = block(&places[0], at::Q, at::A);
+        if self.domain == 0 {
+            order.inputs.extend(state);
+        } else {
+            order.stages.extend(state.map(one));
+        }
+        let accelerations = |place: &Place| block(place, at::A, at::U).chain(self.columns(place, at::LAMBDA));
+        let torques = |place: &Place| block(place, at::U, at::LAMBDA);
+        order.stages.push(Stage { chain: torques(&places[0]).collect(), core: accelerations(&places[0]).collect() });
+        for three in places.windows(3).step_by(2) {
+            let [middle, end] = [&three[1], &three[2]];
+            let positions = block(middle, at::Q, at::V).chain(block(end, at::Q, at::V));
+            let velocities = block(middle, at::V, at::A).chain(block(end, at::V, at::A));
+            order.stages.push(Stage {
+                chain: torques(middle).chain(torques(end)).chain(positions).chain(velocities).collect(),
+                core: accelerations(middle).chain(accelerations(end)).collect(),
+            });
         }
     }
 }

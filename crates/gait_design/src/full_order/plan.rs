@@ -1,17 +1,18 @@
 //! A plan by the full-order program.
 
+use super::planner::FullOrderPlanner;
 use super::schedule::COEFFICIENTS;
-use super::{FullOrderProgram, order, start};
+use super::{FullOrderProgram, start};
 use crate::certificate::certificate;
+use crate::decomposed::DecomposedPlanner;
 use crate::planar::PlanarMotion;
-use crate::refine::finer_grid;
 use crate::request::{GaitRequest, RequestError, check_points};
 use crate::{
-    Plan, PlanError, PlanOptions, PlanPoint, Reference, SubproblemSolver, WarmStart, between_points, leg_length_m,
-    not_converged, on_slope, program_with_offset, recompose, summary,
+    Plan, PlanError, PlanOptions, PlanPoint, Reference, WarmStart, between_points, leg_length_m, on_slope,
+    program_with_offset, recompose, summary,
 };
 use gait::{Coefficients, Gait, JOINTS, SecondStep};
-use nlp::{Iteration, NullSpace, Ordered, Solution, SqpSolver, Workspace};
+use nlp::{Iteration, Solution};
 use robot::Robot;
 use std::ops::ControlFlow;
 
@@ -30,22 +31,9 @@ pub fn plan_full_order(
     robot: &Robot,
     request: &GaitRequest,
     options: &PlanOptions,
-    mut progress: impl FnMut(&Iteration) -> ControlFlow<()>,
+    progress: impl FnMut(&Iteration) -> ControlFlow<()>,
 ) -> Result<Plan, PlanError> {
-    request.validate(leg_length_m(robot))?;
-    check_points(options.program.points)?;
-    let (plan, kept) = plan_on_grid(robot, request, options, &mut progress)?;
-    // Once: a grid four times as fine takes seconds.
-    let Some(points) = finer_grid(options.program.points).filter(|_| kept.is_err()) else {
-        return kept.map(|()| plan);
-    };
-    let iterations = plan.gait.solver.iterations;
-    let mut finer = options.clone();
-    finer.program.points = points;
-    let (mut plan, kept) = plan_on_grid(robot, request, &finer, progress)?;
-    kept?;
-    plan.gait.solver.iterations += iterations;
-    Ok(plan)
+    FullOrderPlanner::new(false).plan(&mut DecomposedPlanner::new(robot, false), request, options, progress)
 }
 
 /// Where the solve of a stride starts, step by step: points whose joints its cost stays near (docs/mathematics.md, 7).
@@ -64,20 +52,22 @@ pub fn stride_start(
     if request.is_mirrored() {
         return Err(RequestError::OneStep.into());
     }
-    let (program, start, _) = program_and_start(robot, request, options)?;
+    let mut decomposed = DecomposedPlanner::new(robot, false);
+    let (program, start, _) = program_and_start(&mut decomposed, request, options)?;
     Ok([0, 1].map(|step| program.plan_points(&start, step)))
 }
 
 /// The program, where its solve starts, and whether it is there to be compared with the decomposed one.
-fn program_and_start(
-    robot: &Robot,
+pub(super) fn program_and_start(
+    planner: &mut DecomposedPlanner,
     request: &GaitRequest,
     options: &PlanOptions,
 ) -> Result<(FullOrderProgram, Vec<f64>, bool), PlanError> {
     let moved = GaitRequest { sideways_slope_rad: 0.0, torso_pitch_rad: 0.0, torso_roll_rad: 0.0, ..request.clone() };
     let level = GaitRequest { lateral_speed_m_s: 0.0, yaw_rate_rad_s: 0.0, ..moved.clone() };
+    let robot = &planner.robot().clone();
     let level_robot = &on_slope(robot, &level);
-    let offset = robot.rear_offset_rad().ok();
+    let offset = planner.rear_offset_rad();
     // Of a decomposed program that cannot be, bounds and hips are used alone.
     let mut decomposed = program_with_offset(level_robot, &level, options.program.clone(), offset.unwrap_or_default())?;
     // Where the program differs from the decomposed one by its rear legs only, the two start alike, to be compared.
@@ -87,7 +77,7 @@ fn program_and_start(
     let mut start = match (offset, alike) {
         (None, _) => start::of_four_legs(&program, &decomposed, level_robot, &moved)?,
         (_, true) => start::of_the_guess(&program, &mut decomposed, level_robot, &level)?,
-        _ => start::of_the_plan(&program, &mut decomposed, robot, &level, options)?,
+        _ => start::of_the_plan(&program, &mut decomposed, planner, &level, options)?,
     };
     if offset.is_some() && !PlanarMotion::of(request).is_straight() {
         start = start::bent(&program, &decomposed, level_robot, start, [&level, &moved])?;
@@ -112,50 +102,19 @@ fn program_and_start(
     Ok((program, start, alike))
 }
 
-/// The program's solution from a start, whatever its status.
-fn solve(
-    program: &mut FullOrderProgram,
-    start: &[f64],
-    options: &PlanOptions,
-    progress: impl FnMut(&Iteration) -> ControlFlow<()>,
-) -> Result<Solution, PlanError> {
-    /// Room for the unknowns that meet once the equalities are eliminated: 92 of a stride with 11 points, …
-    const SHARED: usize = 96;
-    /// … and 112 with 21.
-    const SHARED_FINE: usize = 128;
-    let solver = SqpSolver::new(options.solver.clone())?;
-    let (scale, mut workspace) = (options.solver.objective_scale, Workspace::default());
-    if options.subproblem == SubproblemSolver::Sparse {
-        return Ok(solver.solve(program, start, progress)?);
-    }
-    let order = program.order().filter(|_| options.subproblem == SubproblemSolver::Condensed);
-    let ordered = order.and_then(|order| Ordered::<{ order::INPUTS }, { order::FREE }>::new(program, &order, scale));
-    if let Some(mut ordered) = ordered {
-        return Ok(solver.solve_with(program, &mut ordered, start, &mut workspace, progress)?);
-    }
-    Ok(if options.program.points <= 11 {
-        solver.solve_with(program, &mut NullSpace::<SHARED>::new(scale), start, &mut workspace, progress)?
-    } else {
-        solver.solve_with(program, &mut NullSpace::<SHARED_FINE>::new(scale), start, &mut workspace, progress)?
-    })
-}
-
-/// A plan on the grid asked for, and whether it keeps its limits between the points, where that is looked at.
-fn plan_on_grid(
+/// What a solution comes to, and whether it keeps its limits between the points, where that is looked at. `robot` is on
+/// the slope.
+pub(super) fn plan_of(
     robot: &Robot,
     request: &GaitRequest,
     options: &PlanOptions,
-    progress: impl FnMut(&Iteration) -> ControlFlow<()>,
+    program: &FullOrderProgram,
+    solution: &Solution,
+    alike: bool,
 ) -> Result<(Plan, Result<(), PlanError>), PlanError> {
-    let (mut program, start, alike) = program_and_start(robot, request, options)?;
-    let robot = &on_slope(robot, request);
-    let solution = solve(&mut program, &start, options, progress)?;
-    if !solution.status.is_solution() {
-        return Err(not_converged(solution));
-    }
     let schedule = &program.schedule;
     let t = solution.x[schedule.t()];
-    let summary = summary(&solution);
+    let summary = summary(solution);
     // What is planned of a step: its points, the joints' polynomials and the reference's.
     let step = |step: usize| {
         let points = program.plan_points(&solution.x, step);
@@ -183,10 +142,7 @@ fn plan_on_grid(
     gait.reference_coefficients_rad = reference;
     gait.certificate = certificate(robot, &gait, options.reference, [&points, &second_points])?;
     if alike {
-        return Ok((
-            Plan { gait, points, second_points, warm_start: WarmStart(Vec::new()), log: solution.log },
-            Ok(()),
-        ));
+        return Ok((plan_with(gait, [points, second_points], solution), Ok(())));
     }
     let mut kept = check_steps(robot, request, &gait, [&points, &second_points]);
     if kept.is_err() && program.joints_prescribed {
@@ -207,7 +163,11 @@ fn plan_on_grid(
         }
         kept = check_steps(robot, request, &gait, [&points, &second_points]);
     }
-    Ok((Plan { gait, points, second_points, warm_start: WarmStart(Vec::new()), log: solution.log }, kept))
+    Ok((plan_with(gait, [points, second_points], solution), kept))
+}
+
+fn plan_with(gait: Gait, [points, second_points]: [Vec<PlanPoint>; 2], solution: &Solution) -> Plan {
+    Plan { gait, points, second_points, warm_start: WarmStart(Vec::new()), log: solution.log.clone() }
 }
 
 /// Between the points of a plan that is to be walked: what holds for every plan of the decomposed program has to hold

@@ -30,14 +30,14 @@ pub(super) fn of_the_guess(
 pub(super) fn of_the_plan(
     program: &FullOrderProgram,
     decomposed: &mut DecomposedProgram,
-    robot: &Robot,
+    planner: &mut DecomposedPlanner,
     level: &GaitRequest,
     options: &PlanOptions,
 ) -> Result<Vec<f64>, Unreachable> {
     let options = PlanOptions { subproblem: SubproblemSolver::default(), warm_start: None, ..options.clone() };
-    match DecomposedPlanner::new(robot, false).solve(level, &options, |_| ControlFlow::Continue(())) {
+    match planner.solve(level, &options, |_| ControlFlow::Continue(())) {
         Ok(solution) => Ok(recomposed(program, decomposed, &solution.x)),
-        Err(_) => of_the_guess(program, decomposed, &on_slope(robot, level), level),
+        Err(_) => of_the_guess(program, decomposed, &on_slope(planner.robot(), level), level),
     }
 }
 

@@ -41,7 +41,7 @@ fn the_jacobian_agrees_with_central_differences() {
 }
 
 /// A short-stepped amble that steps aside and turns.
-fn moved(speed_m_s: f64, lateral_speed_m_s: f64, yaw_rate_rad_s: f64) -> GaitRequest {
+pub(super) fn moved(speed_m_s: f64, lateral_speed_m_s: f64, yaw_rate_rad_s: f64) -> GaitRequest {
     let own = GaitRequest::named("amble", &vision60()).unwrap();
     let steps = GaitRequest { step_duration_s: 0.22, clearance_m: 0.08, ..own };
     GaitRequest { speed_m_s, lateral_speed_m_s, yaw_rate_rad_s, ..steps }

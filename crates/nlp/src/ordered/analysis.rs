@@ -1,7 +1,7 @@
 //! Which equality belongs where, found once from the Jacobian's pattern.
 
 use super::Order;
-use crate::problem::Problem;
+use crate::problem::{Pattern, Problem};
 
 /// An entry of a row: the variable and the place of its number among the row's numbers.
 pub(super) type Entry = (usize, usize);
@@ -32,10 +32,12 @@ pub(super) struct StagePattern {
     pub tied: bool,
 }
 
-/// A group's equalities; their entries are split like a stage's.
+/// A group's equalities; their entries are split like a stage's. Behind the `core` first of both, each unknown belongs to
+/// the equality at its place, the only one that holds it.
 pub(super) struct LoadPattern {
     pub rows: Vec<StageRow>,
     pub columns: Vec<usize>,
+    pub core: usize,
     /// Variables of the equality that is left.
     pub others: Vec<usize>,
 }
@@ -64,42 +66,81 @@ pub(super) struct Structure {
     pub load_of: Vec<usize>,
     /// Place of each variable among the Hessian's values, where it has one.
     pub hessian: Vec<Option<usize>>,
+    /// What it was read off.
+    of: Of,
+}
+
+/// What decides where equalities belong.
+#[derive(PartialEq)]
+struct Of {
+    order: Order,
+    jacobian: Pattern,
+    hessian: Pattern,
+    /// Of variables and constraints.
+    kinds: [Vec<Kind>; 2],
+}
+
+/// What bounds leave.
+#[derive(Clone, Copy, Debug, PartialEq)]
+enum Kind {
+    OneValue,
+    Some,
+    All,
+}
+
+fn kinds(lower: &[f64], upper: &[f64]) -> Vec<Kind> {
+    let of = |(lower, upper): (&f64, &f64)| match lower.is_finite() || upper.is_finite() {
+        _ if lower == upper => Kind::OneValue,
+        true => Kind::Some,
+        false => Kind::All,
+    };
+    lower.iter().zip(upper).map(of).collect()
+}
+
+impl Of {
+    fn new(problem: &impl Problem, order: &Order) -> Self {
+        let b = problem.bounds();
+        Self {
+            order: order.clone(),
+            jacobian: problem.jacobian_pattern().clone(),
+            hessian: problem.hessian_pattern().clone(),
+            kinds: [kinds(&b.variable_lower, &b.variable_upper), kinds(&b.constraint_lower, &b.constraint_upper)],
+        }
+    }
 }
 
 impl Structure {
     pub fn new(problem: &impl Problem, order: &Order) -> Option<Self> {
-        let b = problem.bounds();
-        let (n, m) = (b.variable_lower.len(), b.constraint_lower.len());
+        let of = Of::new(problem, order);
+        let [variables, constraints] = &of.kinds;
+        let (n, m) = (variables.len(), constraints.len());
         let mut rows: Vec<Vec<Entry>> = vec![Vec::new(); m];
-        for (place, &(row, column)) in problem.jacobian_pattern().0.iter().enumerate() {
+        for (place, &(row, column)) in of.jacobian.0.iter().enumerate() {
             rows[row].push((column, place));
         }
         let mut hessian = vec![None; n];
-        for (place, &(row, column)) in problem.hessian_pattern().0.iter().enumerate() {
+        for (place, &(row, column)) in of.hessian.0.iter().enumerate() {
             if row != column {
                 return None;
             }
             hessian[row] = Some(place);
         }
-        let is_equality = |i: usize| b.constraint_lower[i] == b.constraint_upper[i];
-        let is_fixed = |i: usize| b.variable_lower[i] == b.variable_upper[i];
-        let finite = |lower: f64, upper: f64| lower.is_finite() || upper.is_finite();
-        let mut ties: Vec<Tie> = (0..n).filter(|&i| is_fixed(i)).map(Tie::Variable).collect();
+        let mut ties: Vec<Tie> = (0..n).filter(|&i| variables[i] == Kind::OneValue).map(Tie::Variable).collect();
         ties.extend(order.ties.iter().map(|&row| Tie::Constraint(row)));
 
-        let mut sorter = Sorter::new(n, rows, (0..m).map(is_equality).collect(), order);
+        let mut sorter = Sorter::new(n, rows, constraints, order);
         let loads = sorter.loads(&order.loads)?;
         let stages = order.stages.iter().map(|stage| sorter.stage(&stage.chain, &stage.core)).collect::<Option<_>>()?;
         if !sorter.is_complete() {
             return None;
         }
+        let rows = sorter.rows;
         let mut met_by = vec![None; n];
         for (k, load) in loads.iter().enumerate() {
             load.columns.iter().for_each(|&column| met_by[column] = Some(k));
         }
-        let rows = sorter.rows;
         let mut inequalities = Vec::new();
-        for i in (0..m).filter(|&i| !is_equality(i) && finite(b.constraint_lower[i], b.constraint_upper[i])) {
+        for i in (0..m).filter(|&i| constraints[i] == Kind::Some) {
             let mut met: Vec<usize> = rows[i].iter().filter_map(|e| met_by[e.0]).collect();
             met.dedup();
             if met.len() > 1 {
@@ -107,13 +148,23 @@ impl Structure {
             }
             inequalities.push((i, met.first().copied().unwrap_or(0)));
         }
-        let bounded = (0..n).filter(|&i| !is_fixed(i) && finite(b.variable_lower[i], b.variable_upper[i])).collect();
+        let bounded = (0..n).filter(|&i| variables[i] == Kind::Some).collect();
         let inputs = order.inputs.clone();
         let load_of = met_by.into_iter().map(|load| load.unwrap_or(0)).collect();
         let mut structure =
-            Self { variables: n, rows, inputs, loads, stages, ties, inequalities, bounded, load_of, hessian };
+            Self { variables: n, rows, inputs, loads, stages, ties, inequalities, bounded, load_of, hessian, of };
         structure.find_tied();
         Some(structure)
+    }
+
+    /// Whether it is that of a problem and an order.
+    pub fn fits(&self, problem: &impl Problem, order: &Order) -> bool {
+        let (b, of) = (problem.bounds(), &self.of);
+        of.order == *order
+            && of.jacobian == *problem.jacobian_pattern()
+            && of.hessian == *problem.hessian_pattern()
+            && of.kinds[0] == kinds(&b.variable_lower, &b.variable_upper)
+            && of.kinds[1] == kinds(&b.constraint_lower, &b.constraint_upper)
     }
 
     /// Marks the stages that the ties hang on.
@@ -139,26 +190,33 @@ struct Sorter {
     rows: Vec<Vec<Entry>>,
     /// What loads leave.
     left: Vec<Vec<Entry>>,
-    /// Equalities still to be handed out that hold each variable.
+    /// Equalities that hold each variable.
     holders: Vec<Vec<Source>>,
     known: Vec<bool>,
-    waiting: usize,
+    /// Whether each constraint, and what each load leaves, is still to be handed out.
+    waits: [Vec<bool>; 2],
     /// Each variable's place within the stage at hand.
     place: Vec<Option<usize>>,
 }
 
 impl Sorter {
-    fn new(variables: usize, rows: Vec<Vec<Entry>>, is_equality: Vec<bool>, order: &Order) -> Self {
+    fn new(variables: usize, rows: Vec<Vec<Entry>>, constraints: &[Kind], order: &Order) -> Self {
         let mut known = vec![false; variables];
         order.inputs.iter().for_each(|&input| known[input] = true);
-        let mut waits = is_equality;
+        let mut waits: Vec<bool> = constraints.iter().map(|kind| *kind == Kind::OneValue).collect();
         order.ties.iter().for_each(|&row| waits[row] = false);
         let mut holders = vec![Vec::new(); variables];
         for (row, entries) in rows.iter().enumerate().filter(|(row, _)| waits[*row]) {
             entries.iter().for_each(|e| holders[e.0].push(Source::Constraint(row)));
         }
-        let waiting = waits.iter().filter(|waits| **waits).count();
-        Self { rows, left: Vec::new(), holders, known, waiting, place: vec![None; variables] }
+        Self { rows, left: Vec::new(), holders, known, waits: [waits, Vec::new()], place: vec![None; variables] }
+    }
+
+    fn waits(&mut self, source: Source) -> &mut bool {
+        match source {
+            Source::Constraint(row) => &mut self.waits[0][row],
+            Source::Left(load) => &mut self.waits[1][load],
+        }
     }
 
     fn entries(&self, source: Source) -> &[Entry] {
@@ -168,19 +226,23 @@ impl Sorter {
         }
     }
 
-    /// The equalities that hold any of the variables, each once.
-    fn holding(&self, columns: &[usize]) -> Vec<Source> {
+    /// The equalities still to be handed out that hold any of the variables and fit, each once. They count as handed out.
+    fn holding(&mut self, columns: &[usize], fits: impl Fn(&Self, Source) -> bool) -> Vec<Source> {
         let mut found = Vec::new();
-        for source in columns.iter().flat_map(|&column| &self.holders[column]) {
-            if !found.contains(source) {
-                found.push(*source);
+        for &column in columns {
+            for k in 0..self.holders[column].len() {
+                let source = self.holders[column][k];
+                if *self.waits(source) && fits(self, source) {
+                    *self.waits(source) = false;
+                    found.push(source);
+                }
             }
         }
         found
     }
 
-    /// Takes equalities out of those to be handed out, and splits their entries.
-    fn take(&mut self, sources: &[Source], columns: &[usize]) -> Vec<StageRow> {
+    /// Splits the entries of equalities that are handed out.
+    fn split(&mut self, sources: &[Source], columns: &[usize]) -> Vec<StageRow> {
         for (place, &column) in columns.iter().enumerate() {
             self.place[column] = Some(place);
         }
@@ -196,31 +258,51 @@ impl Sorter {
         };
         let rows: Vec<StageRow> = sources.iter().map(split).collect();
         columns.iter().for_each(|&column| self.place[column] = None);
-        for &source in sources {
-            let columns: Vec<usize> = self.entries(source).iter().map(|e| e.0).collect();
-            columns.into_iter().for_each(|column| self.holders[column].retain(|s| *s != source));
-        }
-        self.waiting -= sources.len();
         rows
     }
 
     fn loads(&mut self, groups: &[Vec<usize>]) -> Option<Vec<LoadPattern>> {
         let mut loads = Vec::new();
         for (k, columns) in groups.iter().enumerate() {
-            let sources = self.holding(columns);
+            let sources = self.holding(columns, |_, _| true);
             if sources.len() != columns.len() {
                 return None;
             }
-            let rows = self.take(&sources, columns);
-            let mut others: Vec<usize> = rows.iter().flat_map(|row| &row.known).map(|e| e.0).collect();
+            let (core, sources, columns) = self.with_singles_last(sources, columns)?;
+            let rows = self.split(&sources, &columns);
+            let mut others: Vec<usize> = rows[..core].iter().flat_map(|row| &row.known).map(|e| e.0).collect();
             others.sort_unstable();
             others.dedup();
             others.iter().for_each(|&column| self.holders[column].push(Source::Left(k)));
             self.left.push(others.iter().enumerate().map(|(place, &column)| (column, place)).collect());
-            self.waiting += 1;
-            loads.push(LoadPattern { rows, columns: columns.clone(), others });
+            self.waits[1].push(true);
+            loads.push(LoadPattern { rows, columns, core, others });
         }
         Some(loads)
+    }
+
+    /// A load's equalities and unknowns, those last that belong together because no other equality holds the unknown, and
+    /// how many are before them. None where two unknowns have one equality to themselves.
+    fn with_singles_last(&self, sources: Vec<Source>, columns: &[usize]) -> Option<(usize, Vec<Source>, Vec<usize>)> {
+        let holds = |source: &Source, column: usize| self.entries(*source).iter().any(|e| e.0 == column);
+        let mut singles: Vec<(Source, usize)> = Vec::new();
+        let mut core = Vec::new();
+        for &column in columns {
+            let mut holding = sources.iter().filter(|source| holds(source, column));
+            match (holding.next(), holding.next()) {
+                (Some(source), None) => singles.push((*source, column)),
+                _ => core.push(column),
+            }
+        }
+        let is_single = |source: &Source| singles.iter().any(|single| single.0 == *source);
+        let mut rows: Vec<Source> = sources.iter().filter(|source| !is_single(source)).copied().collect();
+        let count = core.len();
+        if rows.len() != count {
+            return None;
+        }
+        rows.extend(singles.iter().map(|single| single.0));
+        core.extend(singles.iter().map(|single| single.1));
+        Some((count, rows, core))
     }
 
     /// The equalities on a stage's unknowns and on what is known; those of its chain first.
@@ -230,13 +312,12 @@ impl Sorter {
             return None;
         }
         columns.iter().for_each(|&column| self.known[column] = true);
-        let is_ready = |source: &Source| self.entries(*source).iter().all(|e| self.known[e.0]);
-        let mut sources = self.holding(&columns);
-        sources.retain(is_ready);
+        let is_ready = |all: &Self, source: Source| all.entries(source).iter().all(|e| all.known[e.0]);
+        let sources = self.holding(&columns, is_ready);
         if sources.len() != columns.len() {
             return None;
         }
-        let mut rows = self.take(&sources, &columns);
+        let mut rows = self.split(&sources, &columns);
         for k in 0..chain.len() {
             let holds = |row: &StageRow| row.inside.iter().any(|e| e.0 == k);
             let shortest = (k..rows.len()).filter(|&r| holds(&rows[r])).min_by_key(|&r| rows[r].inside.len())?;
@@ -247,6 +328,6 @@ impl Sorter {
 
     /// Whether every equality has found its place.
     fn is_complete(&self) -> bool {
-        self.waiting == 0
+        self.waits.iter().flatten().all(|waits| !waits)
     }
 }

@@ -1,6 +1,6 @@
 //! A stage: a small square system, solved for its unknowns as functions of something.
 
-use super::analysis::{Source, StagePattern, StageRow, Structure};
+use super::analysis::{Source, StagePattern, StageRow};
 use super::loads::Load;
 use super::{Asked, add};
 use crate::problem::SubproblemError;
@@ -13,7 +13,7 @@ const VANISHES: f64 = 1e-12;
 pub(super) struct Factor {
     /// (row, pivot's row, factor): what is subtracted from which row, in this order.
     forward: Vec<(usize, usize, f64)>,
-    /// Each unknown's row and the inverse of its pivot, the last first, …
+    /// Each unknown's row and the inverse of its pivot, …
     pivots: Vec<(usize, f64)>,
     /// … and the entries of later unknowns in that row.
     backward: Vec<Vec<(usize, f64)>>,
@@ -40,28 +40,34 @@ impl StageRow {
 
     /// What is left of that when the known variables have had their part.
     #[inline(always)]
-    pub fn right<const W: usize>(&self, asked: Asked, loads: &[Load], variables: &[[f64; W]]) -> [f64; W] {
-        let mut right = [0.0; W];
+    pub fn put_right<const W: usize>(
+        &self,
+        asked: Asked,
+        loads: &[Load],
+        variables: &[[f64; W]],
+        right: &mut [f64; W],
+    ) {
+        *right = [0.0; W];
         right[W - 1] = self.wanted(asked, loads);
         let numbers = self.numbers(asked, loads);
         for &(column, place) in &self.known {
             let number = numbers[place];
             if number != 0.0 {
-                add(&mut right, -number, &variables[column]);
+                add(right, -number, &variables[column]);
             }
         }
-        right
     }
 }
 
+/// Subtracts what an elimination says from right-hand sides.
+#[inline(always)]
+pub(super) fn subtract<const W: usize>(rows: &mut [[f64; W]], &(to, from, factor): &(usize, usize, f64)) {
+    let [to, from] = rows.get_disjoint_mut([to, from]).expect("two rows of a stage");
+    add(to, -factor, from);
+}
+
 impl Factor {
-    pub fn factorise(
-        &mut self,
-        _: &Structure,
-        pattern: &StagePattern,
-        asked: Asked,
-        loads: &[Load],
-    ) -> Result<(), SubproblemError> {
+    pub fn factorise(&mut self, pattern: &StagePattern, asked: Asked, loads: &[Load]) -> Result<(), SubproblemError> {
         let n = pattern.columns.len();
         let matrix = &mut self.matrix;
         matrix.clear();
@@ -91,20 +97,20 @@ impl Factor {
             if !(pivot.abs() > VANISHES * largest) {
                 return Err(SubproblemError::Stopped("a stage of the elimination is singular".into()));
             }
+            let later = &mut self.backward[k];
+            later.clear();
+            later.extend((k + 1..n).map(|c| (c, matrix[n * row + c])).filter(|entry| entry.1 != 0.0));
             for &below in &order[k + 1..] {
                 let entry = matrix[n * below + k];
                 if entry != 0.0 {
                     let factor = entry / pivot;
-                    for c in k + 1..n {
-                        matrix[n * below + c] -= factor * matrix[n * row + c];
+                    for &(c, value) in &*later {
+                        matrix[n * below + c] -= factor * value;
                     }
                     self.forward.push((below, row, factor));
                 }
             }
             self.pivots.push((row, 1.0 / pivot));
-            let later = &mut self.backward[k];
-            later.clear();
-            later.extend((k + 1..n).map(|c| (c, matrix[n * row + c])).filter(|entry| entry.1 != 0.0));
         }
         Ok(())
     }
@@ -113,21 +119,17 @@ impl Factor {
     #[inline(always)]
     pub fn follow<const W: usize>(
         &self,
-        _: &Structure,
         pattern: &StagePattern,
         asked: Asked,
         loads: &[Load],
         variables: &mut [[f64; W]],
         rows: &mut Vec<[f64; W]>,
     ) {
-        rows.clear();
-        for row in &pattern.rows {
-            rows.push(row.right(asked, loads, variables));
+        rows.resize(rows.len().max(pattern.rows.len()), [0.0; W]);
+        for (row, right) in pattern.rows.iter().zip(&mut *rows) {
+            row.put_right(asked, loads, variables, right);
         }
-        for &(to, from, factor) in &self.forward {
-            let from = rows[from];
-            add(&mut rows[to], -factor, &from);
-        }
+        self.forward.iter().for_each(|step| subtract(rows, step));
         for (k, &(row, inverse)) in self.pivots.iter().enumerate().rev() {
             let mut value = rows[row];
             for &(later, entry) in &self.backward[k] {
