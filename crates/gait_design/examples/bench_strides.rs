@@ -1,4 +1,5 @@
-//! Times of plans over two steps on the Vision 60, one `name = value` line each; `launch-scripts/bench planner` runs it.
+//! Times of plans over two steps on the Vision 60, one `name = value` line each; `launch-scripts/bench planner` runs
+//! it.
 //!
 //! bench_strides times | library THREADS | one
 //!

@@ -18,7 +18,7 @@ mod costs;
 mod names;
 mod order;
 mod plan;
-mod planner;
+mod planning;
 mod point;
 mod refine;
 mod schedule;
@@ -27,7 +27,7 @@ mod terms;
 mod variables;
 
 pub use plan::{plan_full_order, stride_start};
-pub(crate) use planner::FullOrderPlanner;
+pub(crate) use planning::FullOrderPlanner;
 
 use crate::Reference;
 use crate::limits::{Limits, ProgramSettings};
@@ -216,5 +216,3 @@ impl Problem for FullOrderProgram {
 
 #[cfg(test)]
 mod tests;
-#[cfg(test)]
-mod tests_order;

@@ -293,3 +293,5 @@ mod tests_rear;
 mod tests_replanning;
 #[cfg(test)]
 mod tests_stability;
+#[cfg(test)]
+mod tests_strides;

@@ -2,14 +2,14 @@
 //!
 //! A program along time has an order in which its equalities are solved without a search and without fill: from a few
 //! **inputs** the other unknowns follow **stage** by stage, each stage a small square system on what is known by then
-//! ([`Order`]). Equalities that join what happens at different times, the **ties**, are left: they are rows on the inputs
-//! alone, and leave few of them free. Where the unknowns of a group of equalities are one more than these determine (the
-//! force along the line between two stance toes), that one is an unknown of its own, which meets nothing but its group;
-//! in return the group leaves one equality to the stages. So the program that remains is an arrow
-//! ([`crate::ArrowQp`]). Which equality belongs to which stage is read off the Jacobian's pattern.
+//! ([`Order`]). Equalities that join what happens at different times, the **ties**, are left: they are rows on the
+//! inputs alone, and leave few of them free. Where the unknowns of a group of equalities are one more than these
+//! determine (the force along the line between two stance toes), that one is an unknown of its own, which meets
+//! nothing but its group; in return the group leaves one equality to the stages. So the program that remains is an
+//! arrow ([`crate::ArrowQp`]). Which equality belongs to which stage is read off the Jacobian's pattern.
 //!
-//! The unknowns are followed twice, as functions of all inputs for the ties, and then of what the ties leave free, which
-//! costs less than substituting would. Elimination within a stage is found once for both.
+//! The unknowns are followed twice, as functions of all inputs for the ties, and then of what the ties leave free,
+//! which costs less than substituting would. Elimination within a stage is found once for both.
 
 mod analysis;
 mod arrow;
@@ -33,8 +33,8 @@ pub struct Order {
     pub loads: Vec<Vec<usize>>,
     /// What follows, one stage after the other.
     pub stages: Vec<Stage>,
-    /// Constraints that are left to the end, as rows on the inputs. Unknowns whose bounds leave one value join them: these
-    /// have to be inputs.
+    /// Constraints that are left to the end, as rows on the inputs. Unknowns whose bounds leave one value join them:
+    /// these have to be inputs.
     pub ties: Vec<usize>,
 }
 
@@ -62,8 +62,8 @@ pub struct Ordered<const INPUTS: usize, const FREE: usize> {
 struct Numbers<const INPUTS: usize, const FREE: usize> {
     factors: Vec<Factor>,
     loads: Vec<Load>,
-    /// Every variable's step as a function of all inputs, where the ties ask for it. The constant is the last entry, here
-    /// and below.
+    /// Every variable's step as a function of all inputs, where the ties ask for it. The constant is the last entry,
+    /// here and below.
     by_inputs: Vec<[f64; INPUTS]>,
     input_rows: Vec<[f64; INPUTS]>,
     /// Every variable's step as a function of the free inputs; what it takes of its load's own unknown is in `own`.
@@ -88,9 +88,9 @@ struct Asked<'a> {
 }
 
 impl<const INPUTS: usize, const FREE: usize> Ordered<INPUTS, FREE> {
-    /// `scale` multiplies the objective where Clarabel has to help, so that its absolute tolerances fit it. None where the
-    /// order does not fit the problem: too many inputs, a stage with more or fewer equalities than unknowns, an equality
-    /// that no stage solves, or a Hessian that is not diagonal.
+    /// `scale` multiplies the objective where Clarabel has to help, so that its absolute tolerances fit it. None where
+    /// the order does not fit the problem: too many inputs, a stage with more or fewer equalities than unknowns, an
+    /// equality that no stage solves, or a Hessian that is not diagonal.
     pub fn new(problem: &impl Problem, order: &Order, scale: f64) -> Option<Self> {
         let structure = Structure::new(problem, order)?;
         let inputs = order.inputs.len();
@@ -135,8 +135,8 @@ impl<const INPUTS: usize, const FREE: usize> Ordered<INPUTS, FREE> {
         Ok(())
     }
 
-    /// [`Self::reduce`] for processors with registers twice as wide. Without fused multiplications every sum is rounded as
-    /// it is elsewhere, so both give the same step to the bit.
+    /// [`Self::reduce`] for processors with registers twice as wide. Without fused multiplications every sum is
+    /// rounded as it is elsewhere, so both give the same step to the bit.
     #[cfg(target_arch = "x86_64")]
     #[target_feature(enable = "avx2")]
     fn reduce_with_avx2(&mut self, problem: &impl Problem, asked: Asked) -> Result<(), SubproblemError> {

@@ -1,22 +1,23 @@
 //! The order in which the program's equalities are solved ([`nlp::Ordered`]).
 //!
-//! **Where the joints follow polynomials** and two toes stand, **inputs** are the state of the body and of the stance hip roll at the beginning, the coefficients of the other
-//! eleven joints, and T. Then, point by point: the other joints from their polynomials; the seven accelerations that are
-//! left, the body's and the stance hip roll's, from the stance toes' six rows and the one row of the dynamics that
-//! feels no force on them; a Hermite–Simpson interval couples those of two points. A domain begins where the one before
-//! ends, and its joints' first two coefficients are what their angles and rates ask for. Torques and ground forces
-//! follow up to the force along the line between the stance toes. **Ties** are what joins the end to the beginning, and
-//! what holds where a domain begins or ends.
+//! **Where the joints follow polynomials** and two toes stand, **inputs** are the state of the body and of the stance
+//! hip roll at the beginning, the coefficients of the other eleven joints, and T. Then, point by point: the other
+//! joints from their polynomials; the seven accelerations that are left, the body's and the stance hip roll's, from
+//! the stance toes' six rows and the one row of the dynamics that feels no force on them; a Hermite–Simpson interval
+//! couples those of two points. A domain begins where the one before ends, and its joints' first two coefficients are
+//! what their angles and rates ask for. Torques and ground forces follow up to the force along the line between the
+//! stance toes. **Ties** are what joins the end to the beginning, and what holds where a domain begins or ends.
 //!
-//! **Where the joints follow a law** about polynomials, all coefficients and the whole state at the beginning are inputs.
-//! Torques follow from the law, accelerations and ground forces from the dynamics and the stance toes' rows, at any number
-//! of stance toes.
+//! **Where the joints follow a law** about polynomials, all coefficients and the whole state at the beginning are
+//! inputs. Torques follow from the law, accelerations and ground forces from the dynamics and the stance toes' rows,
+//! at any number of stance toes.
 
 use super::schedule::{COEFFICIENTS, DOF, Place, Schedule, at};
 use gait::JOINTS;
 use nlp::{Order, Stage};
 
-/// Room for up to two domains whose joints follow polynomials: inputs, and free ones, each with a place for the constant.
+/// Room for up to two domains whose joints follow polynomials: inputs, and free ones, each with a place for the
+/// constant.
 pub(super) const INPUTS: usize = 128;
 pub(super) const FREE: usize = 72;
 /// The same where they follow the law: 181 and 126.

@@ -1,6 +1,6 @@
 //! A plan by the full-order program.
 
-use super::planner::FullOrderPlanner;
+use super::planning::FullOrderPlanner;
 use super::schedule::COEFFICIENTS;
 use super::{FullOrderProgram, start};
 use crate::certificate::certificate;

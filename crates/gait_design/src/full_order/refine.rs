@@ -1,4 +1,5 @@
-//! The same unknowns on a finer grid: between the points by the interpolants that Hermite–Simpson collocation stands for.
+//! The same unknowns on a finer grid: between the points by the interpolants that Hermite–Simpson collocation stands
+//! for.
 
 use super::schedule::{DOF, Schedule, at};
 use crate::refine::integral;

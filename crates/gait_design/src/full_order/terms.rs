@@ -46,7 +46,8 @@ pub(super) trait Term {
     fn values(&self, at: &At, rows: &mut [f64]);
     /// Every row's derivatives; which there are must not depend on `at`.
     fn derivatives(&self, at: &At, rows: &mut Rows);
-    /// Whether its rows join what happens at different times: they are not solved along the schedule, but left to the end.
+    /// Whether its rows join what happens at different times: they are not solved along the schedule
+    /// ([`super::order`]), but left to the end.
     fn is_tie(&self) -> bool {
         false
     }

@@ -2,6 +2,7 @@
 
 use super::*;
 use crate::tests::{agrees_with_central_differences, as_steps, go_on, noise, vision60};
+use crate::tests_strides::moved;
 use crate::{PlanOptions, StepLaw, between_points, guess, on_slope, program_of, simulate_planned_step};
 
 /// A program of a request on a coarse grid, and unknowns near where its solve would start.
@@ -38,13 +39,6 @@ fn the_jacobian_agrees_with_central_differences() {
         let (mut program, x) = program_and_noisy_start(request, reference);
         agrees_with_central_differences(&mut program, x);
     }
-}
-
-/// A short-stepped amble that steps aside and turns.
-pub(super) fn moved(speed_m_s: f64, lateral_speed_m_s: f64, yaw_rate_rad_s: f64) -> GaitRequest {
-    let own = GaitRequest::named("amble", &vision60()).unwrap();
-    let steps = GaitRequest { step_duration_s: 0.22, clearance_m: 0.08, ..own };
-    GaitRequest { speed_m_s, lateral_speed_m_s, yaw_rate_rad_s, ..steps }
 }
 
 /// Durations and grids of a schedule's domains are their own, and so is their number.

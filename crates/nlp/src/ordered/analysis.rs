@@ -32,8 +32,8 @@ pub(super) struct StagePattern {
     pub tied: bool,
 }
 
-/// A group's equalities; their entries are split like a stage's. Behind the `core` first of both, each unknown belongs to
-/// the equality at its place, the only one that holds it.
+/// A group's equalities; their entries are split like a stage's. Behind the `core` first of both, each unknown belongs
+/// to the equality at its place, the only one that holds it.
 pub(super) struct LoadPattern {
     pub rows: Vec<StageRow>,
     pub columns: Vec<usize>,
@@ -226,7 +226,8 @@ impl Sorter {
         }
     }
 
-    /// The equalities still to be handed out that hold any of the variables and fit, each once. They count as handed out.
+    /// The equalities still to be handed out that hold any of the variables and fit, each once. They count as handed
+    /// out.
     fn holding(&mut self, columns: &[usize], fits: impl Fn(&Self, Source) -> bool) -> Vec<Source> {
         let mut found = Vec::new();
         for &column in columns {
@@ -281,8 +282,8 @@ impl Sorter {
         Some(loads)
     }
 
-    /// A load's equalities and unknowns, those last that belong together because no other equality holds the unknown, and
-    /// how many are before them. None where two unknowns have one equality to themselves.
+    /// A load's equalities and unknowns, those last that belong together because no other equality holds the unknown,
+    /// and how many are before them. None where two unknowns have one equality to themselves.
     fn with_singles_last(&self, sources: Vec<Source>, columns: &[usize]) -> Option<(usize, Vec<Source>, Vec<usize>)> {
         let holds = |source: &Source, column: usize| self.entries(*source).iter().any(|e| e.0 == column);
         let mut singles: Vec<(Source, usize)> = Vec::new();

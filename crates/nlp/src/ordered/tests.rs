@@ -3,11 +3,11 @@
 use super::*;
 use crate::problem::{Bounds, Pattern};
 
-/// A chain of links, each a state of two numbers that a push moves on, and three loads (a, b, c) that balance the push:
-/// a + b + c is determined twice and one of them not at all.
+/// A chain of links, each a state of two numbers that a push moves on, and three loads (a, b, c) that balance the
+/// push: a + b + c is determined twice and one of them not at all.
 ///
-/// Unknowns: s₀, t₀ and p (the push's scale), then of each link s, t, push, a, b, c. Equalities of a link: s and t from
-/// those before and the push; the loads' three, which leave push + (what s does) = 0.
+/// Unknowns: s₀, t₀ and p (the push's scale), then of each link s, t, push, a, b, c. Equalities of a link: s and t
+/// from those before and the push; the loads' three, which leave push + (what s does) = 0.
 struct Chain {
     links: usize,
     bounds: Bounds,

@@ -16,8 +16,8 @@ struct Row<const W: usize> {
     size: f64,
 }
 
-/// How many inputs the ties leave free, and all inputs as functions of those: Gauss with complete pivoting, rows measured by their
-/// largest entry.
+/// How many inputs the ties leave free, and all inputs as functions of those: Gauss with complete pivoting, rows
+/// measured by their largest entry.
 #[inline(always)]
 pub(super) fn solve<const INPUTS: usize, const FREE: usize>(
     structure: &Structure,

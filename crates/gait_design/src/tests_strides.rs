@@ -1,8 +1,14 @@
 //! The full-order program eliminated along its steps, beside the elimination that knows no order.
 
-use super::tests::moved;
 use crate::tests::{as_steps, go_on, vision60};
 use crate::{GaitRequest, Plan, PlanOptions, Planner, Reference, SubproblemSolver, plan, plan_full_order};
+
+/// A short-stepped amble that steps aside and turns.
+pub(crate) fn moved(speed_m_s: f64, lateral_speed_m_s: f64, yaw_rate_rad_s: f64) -> GaitRequest {
+    let own = GaitRequest::named("amble", &vision60()).unwrap();
+    let steps = GaitRequest { step_duration_s: 0.22, clearance_m: 0.08, ..own };
+    GaitRequest { speed_m_s, lateral_speed_m_s, yaw_rate_rad_s, ..steps }
+}
 
 fn by(subproblem: SubproblemSolver) -> PlanOptions {
     PlanOptions { subproblem, ..PlanOptions::default() }
