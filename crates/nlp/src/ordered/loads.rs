@@ -64,8 +64,7 @@ impl Load {
                 let number = asked.at.jacobian[place];
                 if column == single { pivot = number } else { sum += number * self.own[column] }
             }
-            // Written so that NaN is refused as well.
-            if !(pivot.abs() > 0.0) {
+            if pivot == 0.0 || !pivot.is_finite() {
                 return Err(SubproblemError::Stopped("a load's equality does not hold its unknown".into()));
             }
             self.own[single] = -sum / pivot;

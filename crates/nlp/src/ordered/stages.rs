@@ -93,8 +93,7 @@ impl Factor {
             let row = order[k];
             let pivot = matrix[n * row + k];
             let largest = matrix[n * row + k..n * (row + 1)].iter().fold(0.0_f64, |a, v| a.max(v.abs()));
-            // Written so that NaN is refused as well.
-            if !(pivot.abs() > VANISHES * largest) {
+            if pivot.abs() <= VANISHES * largest || !pivot.is_finite() {
                 return Err(SubproblemError::Stopped("a stage of the elimination is singular".into()));
             }
             let later = &mut self.backward[k];

@@ -29,7 +29,7 @@ pub(super) fn solve<const INPUTS: usize, const FREE: usize>(
     while let Some((place, largest)) =
         waiting.iter().map(|row| largest(&row.entries) / row.size).enumerate().max_by(|a, b| a.1.total_cmp(&b.1))
     {
-        if !(largest > REPEATS) {
+        if largest <= REPEATS || largest.is_nan() {
             break;
         }
         let Row { entries: mut pivot, size } = waiting.swap_remove(place);
@@ -47,8 +47,8 @@ pub(super) fn solve<const INPUTS: usize, const FREE: usize>(
         done.push((pivot, column));
     }
     for row in &waiting {
-        // Written so that NaN is refused as well.
-        if !(row.entries[INPUTS - 1].abs() <= CONTRADICTS * row.size) {
+        let constant = row.entries[INPUTS - 1].abs();
+        if constant > CONTRADICTS * row.size || constant.is_nan() {
             return Err(SubproblemError::Infeasible);
         }
     }
