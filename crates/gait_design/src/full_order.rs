@@ -15,6 +15,7 @@
 //! [`crate::DecomposedProgram`]; without the pairing all six rows of a soft touchdown count.
 
 mod costs;
+mod goal;
 mod names;
 mod order;
 mod plan;
@@ -23,11 +24,15 @@ mod point;
 mod refine;
 mod schedule;
 mod start;
+mod state;
 mod terms;
+mod transition;
 mod variables;
 
 pub use plan::{plan_full_order, stride_start};
 pub(crate) use planning::FullOrderPlanner;
+pub use state::{State, StateError};
+pub use transition::{Missed, Transition, TransitionError, TransitionOptions, TransitionRequest, plan_transition};
 
 use crate::Reference;
 use crate::limits::{Limits, ProgramSettings};
@@ -95,6 +100,7 @@ impl FullOrderProgram {
             cost.extend(costs::effort(place, settings));
         }
         cost.extend(costs::tilt(&schedule, request));
+        cost.extend(costs::missed(&schedule));
         let mut program = Self {
             robot: robot.clone(),
             names: Names::of(robot),

@@ -35,7 +35,10 @@ mod verification;
 pub use biped::BipedPair;
 pub use certificate::certificate;
 pub use condensed::Condensed;
-pub use full_order::{plan_full_order, stride_start};
+pub use full_order::{
+    Missed, State, StateError, Transition, TransitionError, TransitionOptions, TransitionRequest, plan_full_order,
+    plan_transition, stride_start,
+};
 pub use guess::{Unreachable, nominal};
 pub use limits::ProgramSettings;
 pub use nearest::{Changed, Nearest, Refusal, nearest, plan_or_nearest};

@@ -39,11 +39,11 @@ pub(super) fn leaning(request: &GaitRequest) -> impl Iterator<Item = (usize, f64
     [(3, request.torso_roll_rad), (4, request.torso_pitch_rad)].into_iter().filter(|(_, angle)| *angle != 0.0)
 }
 
-/// (roll, pitch − what was asked for)²: of a torso that is to lean, and of one that turns or steps aside, which is to
-/// stay level.
+/// (roll, pitch − what was asked for)²: of a torso that is to lean, and of one that turns, steps aside or goes from
+/// state to state, which is to stay level.
 pub(super) fn tilt(schedule: &Schedule, request: &GaitRequest) -> Vec<Square> {
     let asked = [(3, request.torso_roll_rad), (4, request.torso_pitch_rad)];
-    let levelled = !PlanarMotion::of(request).is_straight();
+    let levelled = schedule.is_between() || !PlanarMotion::of(request).is_straight();
     asked
         .into_iter()
         .filter(|(_, angle)| levelled || *angle != 0.0)
@@ -69,4 +69,11 @@ pub(super) fn near(schedule: &Schedule, x: &[f64]) -> Vec<Square> {
     };
     let columns = schedule.places().iter().flat_map(of);
     columns.map(|(column, weight)| Square { column, weight, centre: x[column] }).collect()
+}
+
+/// What is missed of the state that is to be reached.
+pub(super) fn missed(schedule: &Schedule) -> impl Iterator<Item = Square> {
+    /// So dear that what can be reached is; 1/m², 1/rad², 1/(m/s)², 1/(rad/s)².
+    const WEIGHT: f64 = 1e5;
+    schedule.missed().map(|column| Square { column, weight: WEIGHT, centre: 0.0 })
 }

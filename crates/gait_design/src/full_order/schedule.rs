@@ -1,6 +1,8 @@
 //! Which legs stand when, and where the unknowns lie: a schedule is domains in their order, and how the last meets the
 //! first.
 
+use super::goal;
+use super::state::State;
 use crate::request::GaitRequest;
 use gait::{JOINTS, bezier};
 use robot::Robot;
@@ -40,12 +42,14 @@ pub(super) struct Domain {
 }
 
 /// How a schedule's end meets its beginning.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq)]
 pub(super) enum Closure {
     /// Its mirror image is the beginning, moved ahead.
     Mirrored,
     /// It is the beginning, moved by the planar motion.
     Moved,
+    /// It does not: the first state is given, and the second one is to be reached, anywhere on the floor.
+    Between(Box<[State; 2]>),
 }
 
 /// A Hermite–Simpson point.
@@ -68,12 +72,15 @@ pub(super) struct Place {
     pub time: f64,
 }
 
-/// Domains, and where their unknowns lie: α of each, T, and then every point's.
+/// Domains, and where their unknowns lie: α of each, T, every point's, and then by how much a state that is to be
+/// reached is missed.
 #[derive(Clone, Debug)]
 pub(super) struct Schedule {
     pub domains: Vec<Domain>,
     pub closure: Closure,
     places: Vec<Place>,
+    /// First of what is missed.
+    missed: usize,
     /// Number of the unknowns.
     pub unknowns: usize,
 }
@@ -81,6 +88,19 @@ pub(super) struct Schedule {
 impl Schedule {
     /// One step and its mirror image, or the two steps of a stride.
     pub fn of(robot: &Robot, request: &GaitRequest, points: usize) -> Self {
+        let [first, second] = Self::two_steps(robot, points);
+        if request.is_mirrored() {
+            return Self::new(vec![first], Closure::Mirrored);
+        }
+        Self::new(vec![first, second], Closure::Moved)
+    }
+
+    /// Two steps from a state to a state.
+    pub fn between(robot: &Robot, states: [State; 2], points: usize) -> Self {
+        Self::new(Self::two_steps(robot, points).into(), Closure::Between(Box::new(states)))
+    }
+
+    fn two_steps(robot: &Robot, points: usize) -> [Domain; 2] {
         let step = |leg: &dyn Fn(usize) -> usize| Domain {
             stance: STANCE.map(leg).to_vec(),
             swing: SWING.map(leg).to_vec(),
@@ -88,11 +108,7 @@ impl Schedule {
             points,
             redundant_joint: 3 * leg(REDUNDANT_LEG),
         };
-        let first = step(&|leg| leg);
-        if request.is_mirrored() {
-            return Self::new(vec![first], Closure::Mirrored);
-        }
-        Self::new(vec![first, step(&|leg| robot.mirror.leg[leg])], Closure::Moved)
+        [step(&|leg| leg), step(&|leg| robot.mirror.leg[leg])]
     }
 
     pub fn new(domains: Vec<Domain>, closure: Closure) -> Self {
@@ -115,7 +131,11 @@ impl Schedule {
             }
             before += d.share;
         }
-        Self { domains, closure, places, unknowns: column }
+        let missed = match (&closure, domains.last()) {
+            (Closure::Between(_), Some(last)) => goal::parts(&last.stance, &last.swing).count(),
+            _ => 0,
+        };
+        Self { domains, closure, places, missed: column, unknowns: column + missed }
     }
 
     /// Column of coefficient `k` of a joint's polynomial in a domain.
@@ -126,6 +146,16 @@ impl Schedule {
     /// Column of T.
     pub fn t(&self) -> usize {
         self.domains.len() * COEFFICIENTS * JOINTS
+    }
+
+    /// Columns of what is missed of the state that is to be reached.
+    pub fn missed(&self) -> std::ops::Range<usize> {
+        self.missed..self.unknowns
+    }
+
+    /// Whether it leads from a state to a state.
+    pub fn is_between(&self) -> bool {
+        matches!(self.closure, Closure::Between(_))
     }
 
     /// Every point.

@@ -140,7 +140,7 @@ impl Glide<'_> {
         Unreachable::new(robot, self.request, leg, in_body.push(toe.z), self.decomposed.bipeds().hip_x_m(leg))
     }
 
-    /// A point's unknowns: joints on the polynomials `fit`, the weight on the stance toes alike.
+    /// A point's unknowns, its joints on the polynomials `fit`.
     fn put_point(
         &self,
         program: &FullOrderProgram,
@@ -150,35 +150,53 @@ impl Glide<'_> {
         fit: &DMatrix<f64>,
         x: &mut [f64],
     ) {
-        let t = self.request.step_duration_s * place.share;
-        let bases = [
-            (bezier::basis(place.phase), 1.0),
-            (bezier::basis_first_derivative(place.phase), t),
-            (bezier::basis_second_derivative(place.phase), t * t),
-        ];
-        let [mut q, mut v, a] = bases.map(|(basis, divisor)| {
-            let mut w = [0.0; DOF];
-            for j in 0..JOINTS {
-                w[6 + j] = (0..COEFFICIENTS).map(|k| fit[(k, j)] * basis[k]).sum::<f64>() / divisor;
-            }
-            w
-        });
-        q[..6].copy_from_slice(&self.base(place));
-        v[..2].copy_from_slice(self.motion.velocity_m_s(self.time_s(place)).as_slice());
-        v[5] = self.motion.yaw_rate_rad_s;
-        let stance = &program.schedule.domains[place.domain].stance;
-        let weight_n = robot.model.total_mass() * robot.model.gravity.norm();
-        let force = Vector3::new(0.0, 0.0, weight_n / stance.len() as f64);
-        let forces: Vec<_> = stance.iter().map(|&leg| (robot.legs[leg].toe, force)).collect();
-        let tau = rnea(&robot.model, data, &q, &v, &a, &forces);
-        let point = &mut x[program.schedule.columns(place)];
-        point[at::Q..at::V].copy_from_slice(&q);
-        point[at::V..at::A].copy_from_slice(&v);
-        point[at::A..at::U].copy_from_slice(&a);
-        point[at::U..at::LAMBDA].copy_from_slice(&tau.as_slice()[6..]);
-        for toe in point[at::LAMBDA..].chunks_mut(3) {
-            toe.copy_from_slice(force.as_slice());
+        let t = self.time_s(place);
+        let velocity_m_s = self.motion.velocity_m_s(t);
+        let base_rate = [velocity_m_s.x, velocity_m_s.y, 0.0, 0.0, 0.0, self.motion.yaw_rate_rad_s];
+        let duration_s = self.request.step_duration_s * place.share;
+        put_point(program, robot, data, place, duration_s, [self.base(place), base_rate], |j, k| fit[(k, j)], x);
+    }
+}
+
+/// A point's unknowns: the base and its rates, joints on polynomials whose coefficients are `coefficient(joint, k)`
+/// over the domain's duration, the weight on the stance toes alike.
+#[allow(clippy::too_many_arguments)]
+pub(super) fn put_point(
+    program: &FullOrderProgram,
+    robot: &Robot,
+    data: &mut Data,
+    place: &Place,
+    duration_s: f64,
+    [base, base_rate]: [[f64; 6]; 2],
+    coefficient: impl Fn(usize, usize) -> f64,
+    x: &mut [f64],
+) {
+    let bases = [
+        (bezier::basis(place.phase), 1.0),
+        (bezier::basis_first_derivative(place.phase), duration_s),
+        (bezier::basis_second_derivative(place.phase), duration_s * duration_s),
+    ];
+    let [mut q, mut v, a] = bases.map(|(basis, divisor)| {
+        let mut w = [0.0; DOF];
+        for j in 0..JOINTS {
+            w[6 + j] = (0..COEFFICIENTS).map(|k| coefficient(j, k) * basis[k]).sum::<f64>() / divisor;
         }
+        w
+    });
+    q[..6].copy_from_slice(&base);
+    v[..6].copy_from_slice(&base_rate);
+    let stance = &program.schedule.domains[place.domain].stance;
+    let weight_n = robot.model.total_mass() * robot.model.gravity.norm();
+    let force = Vector3::new(0.0, 0.0, weight_n / stance.len() as f64);
+    let forces: Vec<_> = stance.iter().map(|&leg| (robot.legs[leg].toe, force)).collect();
+    let tau = rnea(&robot.model, data, &q, &v, &a, &forces);
+    let point = &mut x[program.schedule.columns(place)];
+    point[at::Q..at::V].copy_from_slice(&q);
+    point[at::V..at::A].copy_from_slice(&v);
+    point[at::A..at::U].copy_from_slice(&a);
+    point[at::U..at::LAMBDA].copy_from_slice(&tau.as_slice()[6..]);
+    for toe in point[at::LAMBDA..].chunks_mut(3) {
+        toe.copy_from_slice(force.as_slice());
     }
 }
 

@@ -1,5 +1,6 @@
 //! The program's constraints. Each is one file here, with its bounds, values, derivatives and names.
 
+mod arrival;
 mod centred;
 mod collocation;
 mod dynamics;
@@ -110,8 +111,11 @@ impl Terms {
         }
         for (domain, d) in schedule.domains.iter().enumerate() {
             let (first, step) = (schedule.places_of(domain)[0], schedule.step_of(domain));
-            terms.add(start::OnTheFloor::new(first, d.stance.clone(), step));
-            terms.add(start::ToeDistance::new(first, [d.stance[0], d.stance[1]], asked.limits, step));
+            // Where a given state begins, its toes are where they are.
+            if domain > 0 || !schedule.is_between() {
+                terms.add(start::OnTheFloor::new(first, d.stance.clone(), step));
+                terms.add(start::ToeDistance::new(first, [d.stance[0], d.stance[1]], asked.limits, step));
+            }
             if asked.joints_prescribed {
                 terms.add(start::OnPolynomials::new(first, step));
             }
@@ -119,8 +123,14 @@ impl Terms {
         for (domain, d) in schedule.domains.iter().enumerate() {
             let end = *schedule.places_of(domain).last().expect("a domain has points");
             let step = schedule.step_of(domain);
-            terms.add(switch::Switch::new(asked, end));
-            terms.add(touchdown::SoftTouchdown::new(end, d.swing.clone(), step));
+            if domain + 1 == schedule.domains.len()
+                && let Closure::Between(states) = &schedule.closure
+            {
+                terms.add(arrival::Arrival::new(asked, end, &states[1]));
+            } else {
+                terms.add(switch::Switch::new(asked, end));
+                terms.add(touchdown::SoftTouchdown::new(end, d.swing.clone(), step));
+            }
         }
         if schedule.closure == Closure::Moved {
             terms.add(centred::Centred::new(schedule, asked.motion));

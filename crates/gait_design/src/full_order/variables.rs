@@ -1,8 +1,9 @@
 //! Bounds and names of the program's unknowns.
 
 use super::costs::{SWAY_RAD, leaning};
+use super::goal;
 use super::names::Names;
-use super::schedule::{COEFFICIENTS, Place, Schedule, at};
+use super::schedule::{COEFFICIENTS, Closure, Place, Schedule, at};
 use crate::Tolerances;
 use crate::limits::Limits;
 use crate::planar::PlanarMotion;
@@ -15,6 +16,9 @@ const REFERENCE_SPARE_RAD: f64 = 0.4;
 /// How far a coefficient may be outside its joint's range, rad: a polynomial between its bounds may have coefficients a
 /// little outside.
 const COEFFICIENT_SPARE_RAD: f64 = 0.3;
+
+/// By how much a number of the state that is to be reached may be missed, either way: far more than is ever used.
+const MISSED: f64 = 10.0;
 
 /// Lower and upper bounds of all unknowns.
 pub(super) fn bounds(
@@ -31,12 +35,13 @@ pub(super) fn bounds(
             [leg.position_min_rad, leg.position_max_rad][side][j % 3]
         });
         let outward = [-1.0, 1.0][side];
-        let spare = coefficient_spare_rad(request, joints_prescribed);
+        let bends = bends(request, schedule);
+        let spare = coefficient_spare_rad(bends, joints_prescribed);
         for _ in 0..schedule.domains.len() * COEFFICIENTS {
             bounds.extend((0..JOINTS).map(|j| range[j] + spare[j % 3] * outward));
         }
         bounds.push(limits.step_duration_s[side]);
-        let inward = joint_margin_rad(robot, request);
+        let inward = if bends { Tolerances::of(robot, request.torque_limit_nm).angle_rad } else { 0.0 };
         for place in schedule.places() {
             bounds.extend(base(request, limits, place, side));
             bounds.extend(range.map(|end| end - inward * outward));
@@ -49,23 +54,29 @@ pub(super) fn bounds(
                 bounds.extend(limits.force_n[side]);
             }
         }
+        if let Closure::Between(states) = &schedule.closure {
+            let first = schedule.places()[0].column;
+            bounds[first + at::Q..first + at::V].copy_from_slice(&states[0].q);
+            bounds[first + at::V..first + at::A].copy_from_slice(&states[0].v);
+            bounds.extend(schedule.missed().map(|_| MISSED * outward));
+        }
         bounds
     })
 }
 
-/// Of hip roll, hip pitch and knee. Straight on, the hip roll needs none to spare; in place and sideways gaits that
-/// have none are bent by it until they fall.
-fn coefficient_spare_rad(request: &GaitRequest, joints_prescribed: bool) -> [f64; 3] {
-    let roll = if PlanarMotion::of(request).is_straight() { 0.0 } else { COEFFICIENT_SPARE_RAD };
-    let reference = if joints_prescribed { 0.0 } else { REFERENCE_SPARE_RAD };
-    [roll, COEFFICIENT_SPARE_RAD, COEFFICIENT_SPARE_RAD].map(|spare| spare + reference)
+/// Whether hip rolls' coefficients may be outside the joint's range. Straight on they need not; in place, sideways and
+/// from state to state, gaits whose coefficients may not are bent by it until they fall. There joints have to be inside
+/// their range at the points, by what polynomials may depart from them in between: the controller walks none that
+/// leave it.
+fn bends(request: &GaitRequest, schedule: &Schedule) -> bool {
+    schedule.is_between() || !PlanarMotion::of(request).is_straight()
 }
 
-/// How far inside its range a joint has to be at the points: where coefficients of hip rolls may be outside, by what
-/// polynomials may depart from joints between the points, for the controller walks none that leave the range.
-fn joint_margin_rad(robot: &Robot, request: &GaitRequest) -> f64 {
-    let straight = PlanarMotion::of(request).is_straight();
-    if straight { 0.0 } else { Tolerances::of(robot, request.torque_limit_nm).angle_rad }
+/// Of hip roll, hip pitch and knee.
+fn coefficient_spare_rad(bends: bool, joints_prescribed: bool) -> [f64; 3] {
+    let roll = if bends { COEFFICIENT_SPARE_RAD } else { 0.0 };
+    let reference = if joints_prescribed { 0.0 } else { REFERENCE_SPARE_RAD };
+    [roll, COEFFICIENT_SPARE_RAD, COEFFICIENT_SPARE_RAD].map(|spare| spare + reference)
 }
 
 /// Bounds of the base's coordinates on one side. y and yaw are about where the motion leads.
@@ -90,6 +101,10 @@ pub(super) fn name(schedule: &Schedule, names: &Names, column: usize) -> String 
     }
     if column == schedule.t() {
         return "step duration".into();
+    }
+    if let Some(row) = column.checked_sub(schedule.missed().start) {
+        let last = schedule.domains.last().expect("a schedule has domains");
+        return format!("what is missed of {}", goal::what([&last.stance, &last.swing], row, names));
     }
     let after = schedule.places().partition_point(|place| place.column <= column);
     let place = &schedule.places()[after - 1];

@@ -36,9 +36,10 @@ impl Switch {
         let (next, link) = if end.domain + 1 < schedule.domains.len() {
             (end.domain + 1, Link::Joined)
         } else {
-            let link = match schedule.closure {
+            let link = match &schedule.closure {
                 Closure::Mirrored => Link::Mirrored { mirror: asked.robot.mirror, motion, duration },
                 Closure::Moved => Link::Moved { motion, duration },
+                Closure::Between(_) => unreachable!("where a state is to be reached, Arrival stands in its place"),
             };
             (0, link)
         };

@@ -1,0 +1,78 @@
+//! The state that a transition is to reach, anywhere on the floor. The landing legs' joints stand in place of a soft
+//! touchdown: with the body's pose and rates they put the toes on the floor, at rest. The departing toes stand already;
+//! where they do, from the body, is theirs to reach.
+//!
+//! Every row may be missed by an unknown of its own, m, which costs: q_i − q*_i − m = 0 and q̇_i − q̇*_i − m = 0 of
+//! single coordinates, and of a toe at p, with the body at b, (p − b)_xy − (p* − b*)_xy − m = 0.
+
+use super::{Asked, At, EQUAL, Names, Place, Rows, Term};
+use crate::full_order::goal::{Part, parts, what};
+use crate::full_order::schedule::{Domain, at};
+use crate::full_order::state::State;
+use nalgebra::Vector2;
+
+/// At a schedule's end; rows in the order of their parts, m, rad, m/s, rad/s.
+pub(super) struct Arrival {
+    place: Place,
+    last: Domain,
+    /// First of what is missed.
+    missed: usize,
+    /// Of every row.
+    targets: Vec<f64>,
+}
+
+impl Arrival {
+    pub fn new(asked: &Asked, place: Place, state: &State) -> Self {
+        let last = asked.schedule.domains[place.domain].clone();
+        let toes = state.toes_m(asked.robot);
+        let target = |part: Part| match part {
+            Part::Position { coordinate } => state.q[coordinate],
+            Part::Rate { coordinate } => state.v[coordinate],
+            Part::Toe { leg, axis } => toes[leg][axis] - state.q[axis],
+        };
+        let targets = parts(&last.stance, &last.swing).map(target).collect();
+        Self { place, last, missed: asked.schedule.missed().start, targets }
+    }
+}
+
+impl Term for Arrival {
+    fn bounds(&self) -> Vec<[f64; 2]> {
+        vec![EQUAL; self.targets.len()]
+    }
+
+    fn values(&self, at: &At, rows: &mut [f64]) {
+        let (point, x) = (&at.points[self.place.index], &at.x[self.place.column..]);
+        for (row, part) in parts(&self.last.stance, &self.last.swing).enumerate() {
+            let value = match part {
+                Part::Position { coordinate } => x[at::Q + coordinate],
+                Part::Rate { coordinate } => x[at::V + coordinate],
+                Part::Toe { leg, axis } => {
+                    let body = Vector2::new(x[at::Q], x[at::Q + 1]);
+                    (point.toes[leg].position.xy() - body)[axis]
+                }
+            };
+            rows[row] = value - self.targets[row] - at.x[self.missed + row];
+        }
+    }
+
+    fn derivatives(&self, at: &At, rows: &mut Rows) {
+        let (point, p) = (&at.points[self.place.index], self.place.column);
+        for (row, part) in parts(&self.last.stance, &self.last.swing).enumerate() {
+            match part {
+                Part::Position { coordinate } => rows.put(row, p + at::Q + coordinate, 1.0),
+                Part::Rate { coordinate } => rows.put(row, p + at::V + coordinate, 1.0),
+                // By x and y of the body nothing changes.
+                Part::Toe { leg, axis } => {
+                    for c in (3..6).chain(6 + 3 * leg..9 + 3 * leg) {
+                        rows.put(row, p + at::Q + c, point.toes[leg].jacobian[(axis, c)]);
+                    }
+                }
+            }
+            rows.put(row, self.missed + row, -1.0);
+        }
+    }
+
+    fn name(&self, row: usize, names: &Names) -> String {
+        format!("{} at the end", what([&self.last.stance, &self.last.swing], row, names))
+    }
+}
