@@ -1,5 +1,6 @@
 //! `tandem plan`: one gait from a request.
 
+mod transition;
 mod verify;
 
 use crate::output;
@@ -11,6 +12,7 @@ use std::ops::ControlFlow;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 use std::time::{Duration, Instant};
+use transition::FromOrToRest;
 use verify::{Stable, Verified};
 
 /// Plan a gait by the dynamics decomposition and write the gait file
@@ -105,6 +107,13 @@ pub struct Arguments {
     /// Compute the multipliers of the step-to-step map under the tracking law
     #[arg(long)]
     stability: bool,
+    /// Plan the two steps from standing to the gait as well, by the full-order program: a tenth of a second. They are
+    /// reported, with --json polynomials and all; the gait file has no room for them
+    #[arg(long, conflicts_with = "table")]
+    from_rest: bool,
+    /// The two steps from the gait to standing, alike
+    #[arg(long, conflicts_with = "table")]
+    to_rest: bool,
     /// Print one JSON object for each gait instead of text
     #[arg(long, conflicts_with = "verbose")]
     json: bool,
@@ -181,14 +190,19 @@ fn one(arguments: &Arguments, robot: &robot::Robot, name: &str, file: Option<&Pa
     let plot = arguments.plot.as_deref();
     let verified = if arguments.verify { Some(verify::verify(robot, &request, &plan, law, plot)?) } else { None };
     let stable = if arguments.stability { Some(Stable::of(robot, &request, &plan)?) } else { None };
+    let rest = transition::of_rest(robot, &plan.gait, arguments.from_rest, arguments.to_rest)?;
     if arguments.json {
-        output::json(&serde_json::json!({
+        let mut reported = serde_json::json!({
             "gait": name, "iterations": solver.iterations, "solve_time_s": solver.solve_time_s, "cost": solver.objective,
             "violation": solver.max_violation, "step_duration_s": plan.gait.step_duration_s, "file": file,
             "points": plan.points.len(), "half_width_m": request.half_width_m, "certificate": plan.gait.certificate,
             "verified": verified.as_ref().map(|steps| steps.iter().map(Verified::json).collect::<Vec<_>>()),
             "stability": stable.as_ref().map(Stable::json),
-        }))?;
+        });
+        if !rest.is_empty() {
+            reported["transitions"] = rest.iter().map(FromOrToRest::json).collect();
+        }
+        output::json(&reported)?;
     } else {
         say!(
             "{name:8} {:>10} {:>8.3} {:>12.6} {:>12.1e} {:>9.4} {:>7} {:>11}  {}",
@@ -202,6 +216,7 @@ fn one(arguments: &Arguments, robot: &robot::Robot, name: &str, file: Option<&Pa
             file.map_or_else(|| "not written: give -o FILE".into(), output::shown)
         )?;
         let lines = verified.iter().flatten().map(Verified::text).chain(stable.iter().map(Stable::text));
+        let lines = lines.chain(rest.iter().map(FromOrToRest::text));
         output::part(format_args!("{}", lines.collect::<String>()))?;
     }
     Ok(verified.iter().flatten().all(Verified::is_good))
