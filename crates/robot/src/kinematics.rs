@@ -16,8 +16,26 @@ impl Robot {
     ///
     /// If the leg is not 0 to 3.
     pub fn toe_from_hip(&self, leg: usize, joints_rad: &[f64; 3]) -> Vector3<f64> {
-        let mut data = Data::new(&self.model);
-        self.toe_and_jacobian(&mut data, leg, joints_rad).0
+        self.toe_from_hip_in(&mut Data::new(&self.model), leg, joints_rad)
+    }
+
+    /// [`Self::toe_from_hip`] in a workspace of this robot's model.
+    pub(crate) fn toe_from_hip_in(&self, data: &mut Data, leg: usize, joints_rad: &[f64; 3]) -> Vector3<f64> {
+        let q = self.posture(leg, joints_rad);
+        rigid_body::forward_kinematics(&self.model, data, &q, &[0.0; 18], &[0.0; 18]);
+        frame_position(&self.model, data, self.legs[leg].toe) - self.hip(data, leg)
+    }
+
+    /// Coordinates with these angles of one leg, all else at zero.
+    fn posture(&self, leg: usize, joints_rad: &[f64; 3]) -> [f64; 18] {
+        let mut q = [0.0; 18];
+        q[6 + 3 * leg..9 + 3 * leg].copy_from_slice(joints_rad);
+        q
+    }
+
+    fn hip(&self, data: &Data, leg: usize) -> Vector3<f64> {
+        let hip = self.model.frame_id(self.model.link_name(6 + 3 * leg)).expect("the hip is a link");
+        frame_position(&self.model, data, hip)
     }
 
     /// Joint angles in radians that put the toe's centre at `target` from the leg's hip-roll joint,
@@ -63,13 +81,9 @@ impl Robot {
     }
 
     fn toe_and_jacobian(&self, data: &mut Data, leg: usize, joints_rad: &[f64; 3]) -> (Vector3<f64>, Matrix3<f64>) {
-        let mut q = [0.0; 18];
-        let first = 6 + 3 * leg;
-        q[first..first + 3].copy_from_slice(joints_rad);
-        let zero = [0.0; 18];
+        let (q, zero) = (self.posture(leg, joints_rad), [0.0; 18]);
         let point = point_kinematics(&self.model, data, &q, &zero, &zero, self.legs[leg].toe);
-        let (toe, jacobian) = (point.position, point.jacobian.fixed_columns::<3>(first).into());
-        let hip = self.model.frame_id(self.model.link_name(first)).expect("the hip is a link");
-        (toe - frame_position(&self.model, data, hip), jacobian)
+        let (toe, jacobian) = (point.position, point.jacobian.fixed_columns::<3>(6 + 3 * leg).into());
+        (toe - self.hip(data, leg), jacobian)
     }
 }

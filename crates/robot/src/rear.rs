@@ -2,6 +2,7 @@
 
 use joints::mirrored_vector;
 use nalgebra::Vector3;
+use rigid_body::Data;
 
 use crate::{Robot, RobotError};
 
@@ -21,9 +22,10 @@ const SAME_SIDE_RAD: f64 = 1.0;
 /// See [`Robot::rear_offset_rad`].
 pub(crate) fn offset_rad(robot: &Robot) -> Result<[f64; 6], RobotError> {
     let mut offset = [0.0; 6];
+    let data = &mut Data::new(&robot.model);
     for (side, [rear, front]) in ACROSS.into_iter().enumerate() {
-        let own = leg_offset(robot, rear, front);
-        check_motion(robot, rear, front, own)?;
+        let own = leg_offset(robot, data, rear, front);
+        check_motion(robot, data, rear, front, own)?;
         check_limits(robot, rear, front, own)?;
         offset[3 * side..3 * side + 3].copy_from_slice(&own);
     }
@@ -32,20 +34,20 @@ pub(crate) fn offset_rad(robot: &Robot) -> Result<[f64; 6], RobotError> {
 
 /// None where the same angles put the toe at the same height; else what brings one standing posture to the other:
 /// shanks that are bent, for example, to the back in front and to the front behind.
-fn leg_offset(robot: &Robot, rear: usize, front: usize) -> [f64; 3] {
+fn leg_offset(robot: &Robot, data: &mut Data, rear: usize, front: usize) -> [f64; 3] {
     let stand = robot.legs[front].stand_rad;
     let as_front = robot.mirror.leg_image(&stand);
-    let higher_m = robot.toe_from_hip(rear, &as_front).z - robot.toe_from_hip(front, &stand).z;
+    let higher_m = robot.toe_from_hip_in(data, rear, &as_front).z - robot.toe_from_hip_in(data, front, &stand).z;
     let offset: [f64; 3] = std::array::from_fn(|k| robot.legs[rear].stand_rad[k] - as_front[k]);
     let same_side = offset.iter().all(|angle| angle.abs() <= SAME_SIDE_RAD);
     if same_side && higher_m.abs() <= ALIKE_SHARE * robot.nominal.height_m { [0.0; 3] } else { offset }
 }
 
-fn check_motion(robot: &Robot, rear: usize, front: usize, offset: [f64; 3]) -> Result<(), RobotError> {
+fn check_motion(robot: &Robot, data: &mut Data, rear: usize, front: usize, offset: [f64; 3]) -> Result<(), RobotError> {
     let stand = robot.legs[front].stand_rad;
-    let ways = |turn: [f64; 3]| {
-        let way = |leg: usize, from: [f64; 3], to: [f64; 3]| -> Vector3<f64> {
-            robot.toe_from_hip(leg, &to) - robot.toe_from_hip(leg, &from)
+    let mut ways = |turn: [f64; 3]| {
+        let mut way = |leg: usize, from: [f64; 3], to: [f64; 3]| -> Vector3<f64> {
+            robot.toe_from_hip_in(data, leg, &to) - robot.toe_from_hip_in(data, leg, &from)
         };
         let of_rear = |joints: [f64; 3]| {
             let joints = robot.mirror.leg_image(&joints);
