@@ -1,10 +1,11 @@
 //! The workspace of every algorithm.
 
-use nalgebra::{DMatrix, DVector, Matrix3, Matrix3xX, Vector3};
+use nalgebra::{DMatrix, DVector, Matrix3, Vector3};
 
 use crate::body::{ArticulatedBody, Body};
 use crate::limbs::{LimbWork, with_limbs};
 use crate::model::Model;
+use crate::point::PointKinematics;
 
 /// Where the last forward pass left its results.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -44,25 +45,6 @@ pub struct Data {
     pub point: PointKinematics,
 }
 
-/// Motion of a frame's origin in world axes, with its derivatives.
-#[derive(Debug, Clone)]
-pub struct PointKinematics {
-    /// Position, m.
-    pub position: Vector3<f64>,
-    /// Velocity J v, m/s.
-    pub velocity: Vector3<f64>,
-    /// Classical acceleration J a + J̇ v, m/s².
-    pub acceleration: Vector3<f64>,
-    /// J = ∂position/∂q = ∂velocity/∂v = ∂acceleration/∂a, 3 × dof.
-    pub jacobian: Matrix3xX<f64>,
-    /// ∂velocity/∂q = J̇, 3 × dof; written by the derivative functions only.
-    pub dvelocity_dq: Matrix3xX<f64>,
-    /// ∂acceleration/∂q, 3 × dof; written by the derivative functions only.
-    pub dacceleration_dq: Matrix3xX<f64>,
-    /// ∂acceleration/∂v = 2 J̇, 3 × dof; written by the derivative functions only.
-    pub dacceleration_dv: Matrix3xX<f64>,
-}
-
 impl Data {
     /// All the memory that the algorithms need for this model.
     pub fn new(model: &Model) -> Self {
@@ -80,15 +62,7 @@ impl Data {
             mass_matrix: DMatrix::zeros(n, n),
             dtau_dq: DMatrix::zeros(n, n),
             dtau_dv: DMatrix::zeros(n, n),
-            point: PointKinematics {
-                position: Vector3::zeros(),
-                velocity: Vector3::zeros(),
-                acceleration: Vector3::zeros(),
-                jacobian: Matrix3xX::zeros(n),
-                dvelocity_dq: Matrix3xX::zeros(n),
-                dacceleration_dq: Matrix3xX::zeros(n),
-                dacceleration_dv: Matrix3xX::zeros(n),
-            },
+            point: PointKinematics::zeros(n),
         }
     }
 }

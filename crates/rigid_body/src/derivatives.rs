@@ -4,7 +4,7 @@ use nalgebra::{Matrix3, Vector3};
 
 use crate::PointForce;
 use crate::data::Data;
-use crate::dynamics::{inertial_force, moment_rate, world_inertia};
+use crate::dynamics::{inertial_force, limb_force, moment_rate, world_inertia};
 use crate::kinematics::{ACCELERATION, for_each_above, forward_pass, limb_pass};
 use crate::limbs::with_limbs;
 use crate::model::Model;
@@ -37,13 +37,16 @@ pub fn rnea_derivatives(model: &Model, data: &mut Data, q: &[f64], v: &[f64], a:
         let (mass, dq) = (mass_matrix.as_mut_slice(), dtau_dq.as_mut_slice());
         let (tau, dv) = (tau.as_mut_slice(), dtau_dv.as_mut_slice());
         with_limbs!(limbs, work, |m, d| d.inverse_dynamics_derivatives(m, &model.gravity, tau, mass, dq, dv));
-        for (frame, _) in forces {
-            data.bring(model, model.body_of(*frame).0);
-        }
     } else {
         tree_derivatives(model, data, q, v, a);
     }
-    subtract_forces(model, data, forces);
+    for (frame, force) in forces {
+        let (body, frame) = model.body_of(*frame);
+        if !limb_force::<true>(model, data, (body, &frame.translation, force)) {
+            data.bring(model, body);
+            subtract_force(model, data, (body, &frame.translation, force));
+        }
+    }
 }
 
 /// The derivatives for any tree, without point forces. Entries that are zero by structure are zero
@@ -119,24 +122,21 @@ fn tree_derivatives(model: &Model, data: &mut Data, q: &[f64], v: &[f64], a: &[f
     }
 }
 
-/// Takes the point forces' share off τ and ∂τ/∂q.
-fn subtract_forces(model: &Model, data: &mut Data, forces: &[PointForce]) {
+/// Takes a point force's share off τ and ∂τ/∂q.
+fn subtract_force(model: &Model, data: &mut Data, (body, offset, force): (usize, &Vector3<f64>, &Vector3<f64>)) {
     let Data { bodies, tau, dtau_dq, .. } = data;
-    for (frame, force) in forces {
-        let (body, frame) = model.body_of(*frame);
-        let p = bodies[body].position + bodies[body].rotation * frame.translation;
-        for_each_above(model, body, |i, dof| {
-            let column = bodies[i].axis.at(&p);
-            tau[dof] -= column.dot(force);
-            let across = force.cross(&column);
-            dtau_dq[(dof, dof)] += bodies[i].axis.angular.dot(&across);
-            if let Some(parent) = model.joints[i].parent {
-                for_each_above(model, parent, |j, other| {
-                    let share = bodies[j].axis.angular.dot(&across);
-                    dtau_dq[(dof, other)] += share;
-                    dtau_dq[(other, dof)] += share;
-                });
-            }
-        });
-    }
+    let p = bodies[body].position + bodies[body].rotation * offset;
+    for_each_above(model, body, |i, dof| {
+        let column = bodies[i].axis.at(&p);
+        tau[dof] -= column.dot(force);
+        let across = force.cross(&column);
+        dtau_dq[(dof, dof)] += bodies[i].axis.angular.dot(&across);
+        if let Some(parent) = model.joints[i].parent {
+            for_each_above(model, parent, |j, other| {
+                let share = bodies[j].axis.angular.dot(&across);
+                dtau_dq[(dof, other)] += share;
+                dtau_dq[(other, dof)] += share;
+            });
+        }
+    });
 }

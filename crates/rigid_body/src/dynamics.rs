@@ -4,10 +4,10 @@ use nalgebra::{DMatrix, DVector, Matrix3, Vector3};
 
 use crate::PointForce;
 use crate::body::Body;
-use crate::data::Data;
+use crate::data::{Data, Pass};
 use crate::joint::Joint;
 use crate::kinematics::{ACCELERATION, POSITION, for_each_above, forward_pass, limb_pass};
-use crate::limbs::with_limbs;
+use crate::limbs::{TORSO, with_limbs};
 use crate::model::Model;
 use crate::spatial::{self, BodyInertia, Composite, Force};
 
@@ -31,10 +31,12 @@ pub fn rnea<'d>(
         with_limbs!(limbs, work, |m, d| d.inverse_dynamics(m, &model.gravity, tau));
         for (frame, force) in forces {
             let (body, frame) = model.body_of(*frame);
-            data.bring(model, body);
-            let Data { bodies, tau, .. } = data;
-            let p = bodies[body].position + bodies[body].rotation * frame.translation;
-            for_each_above(model, body, |i, dof| tau[dof] -= bodies[i].axis.at(&p).dot(force));
+            if !limb_force::<false>(model, data, (body, &frame.translation, force)) {
+                data.bring(model, body);
+                let Data { bodies, tau, .. } = data;
+                let p = bodies[body].position + bodies[body].rotation * frame.translation;
+                for_each_above(model, body, |i, dof| tau[dof] -= bodies[i].axis.at(&p).dot(force));
+            }
         }
         return &data.tau;
     }
@@ -57,6 +59,24 @@ pub fn rnea<'d>(
         }
     }
     &data.tau
+}
+
+/// Takes the share of a force at a body's point off τ and, with DERIVATIVES, off ∂τ/∂q, if the last forward pass was of
+/// a torso with legs: false if it was not.
+#[inline(always)]
+pub(crate) fn limb_force<const DERIVATIVES: bool>(
+    model: &Model,
+    data: &mut Data,
+    force: (usize, &Vector3<f64>, &Vector3<f64>),
+) -> bool {
+    let Data { limbs: work, pass, tau, dtau_dq, .. } = data;
+    let (Pass::Limbs { .. }, Some(limbs), Some(work)) = (pass, &model.limbs, work) else { return false };
+    let is_limb = force.0 >= TORSO;
+    if is_limb {
+        let (tau, dtau_dq) = (tau.as_mut_slice(), dtau_dq.as_mut_slice());
+        with_limbs!(limbs, work, |m, d| d.subtract_force::<DERIVATIVES>(m, force, tau, dtau_dq));
+    }
+    is_limb
 }
 
 /// h(q, v): Coriolis, centrifugal and gravity terms, dof entries, N and N m.

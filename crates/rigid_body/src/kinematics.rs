@@ -3,10 +3,11 @@
 use nalgebra::{Matrix3, Vector3};
 
 use crate::body::Body;
-use crate::data::{Data, Pass, PointKinematics};
+use crate::data::{Data, Pass};
 use crate::joint::{FrameId, JointKind};
-use crate::limbs::with_limbs;
+use crate::limbs::{TORSO, with_limbs};
 use crate::model::Model;
+use crate::point::PointKinematics;
 use crate::spatial::Motion;
 
 /// How far the forward pass goes.
@@ -151,13 +152,16 @@ pub fn point_kinematics_derivatives<'d>(
 /// [`point_kinematics`] at the q, v, a of the last [`forward_kinematics`], `rnea` or
 /// `rnea_derivatives`: several points then share one pass.
 pub fn last_point_kinematics<'d>(model: &Model, data: &'d mut Data, frame: FrameId) -> &'d PointKinematics {
+    if limb_point::<false>(model, data, frame) {
+        return &data.point;
+    }
     let (body, frame) = model.body_of(frame);
     data.bring(model, body);
     let Data { bodies, point, origin, .. } = data;
     let p = bodies[body].position + bodies[body].rotation * frame.translation;
     point.position = *origin + p;
     (point.velocity, point.acceleration) = motion_at(&bodies[body], &p);
-    point.jacobian.fill(0.0);
+    point.jacobian.as_mut_slice().fill(0.0);
     for_each_above(model, body, |i, dof| {
         point.jacobian.set_column(dof, &bodies[i].axis.at(&p));
     });
@@ -173,13 +177,16 @@ pub fn last_point_kinematics<'d>(model: &Model, data: &'d mut Data, frame: Frame
 /// > ∂ṗ/∂q_j = Ω_P × J_j + ω_j × ṗ_r,
 /// > ∂p̈/∂q_j = α_P × J_j + Ω_P × (Ω_P × J_j) + 2 Ω_P × (ω_j × ṗ_r) + ω_j × p̈_r.
 pub fn last_point_kinematics_derivatives<'d>(model: &Model, data: &'d mut Data, frame: FrameId) -> &'d PointKinematics {
+    if limb_point::<true>(model, data, frame) {
+        return &data.point;
+    }
     let (body, frame) = model.body_of(frame);
     data.bring(model, body);
     let Data { bodies, point, origin, .. } = data;
     let p = bodies[body].position + bodies[body].rotation * frame.translation;
     point.position = *origin + p;
     (point.velocity, point.acceleration) = motion_at(&bodies[body], &p);
-    point.jacobian.fill(0.0);
+    point.jacobian.as_mut_slice().fill(0.0);
     point.dvelocity_dq.fill(0.0);
     point.dacceleration_dq.fill(0.0);
     point.dacceleration_dv.fill(0.0);
@@ -220,6 +227,19 @@ pub fn last_point_kinematics_derivatives<'d>(model: &Model, data: &'d mut Data, 
         set(dof, &column, &(carried + turned), &dacceleration);
     });
     point
+}
+
+/// The point of a torso with legs, if the last forward pass was of one: false if it was not.
+#[inline(always)]
+fn limb_point<const DERIVATIVES: bool>(model: &Model, data: &mut Data, frame: FrameId) -> bool {
+    let Data { limbs: work, pass, point, .. } = data;
+    let (Pass::Limbs { .. }, Some(limbs), Some(work)) = (pass, &model.limbs, work) else { return false };
+    let (body, frame) = model.body_of(frame);
+    let is_limb = body >= TORSO;
+    if is_limb {
+        with_limbs!(limbs, work, |m, d| d.point_kinematics::<DERIVATIVES>(m, body, &frame.translation, point));
+    }
+    is_limb
 }
 
 /// Velocity and classical acceleration of the point p of a body.

@@ -45,12 +45,13 @@ mod kinematics;
 mod lanes;
 mod limbs;
 mod model;
+mod point;
 mod shape;
 mod space;
 mod spatial;
 mod urdf;
 
-pub use data::{Data, PointKinematics};
+pub use data::Data;
 pub use derivatives::rnea_derivatives;
 pub use description::Description;
 pub use dynamics::{bias_forces, crba, rnea};
@@ -64,6 +65,7 @@ pub use kinematics::{
     potential_energy,
 };
 pub use model::Model;
+pub use point::PointKinematics;
 
 /// A force of constant direction in world axes, in newtons, that acts at a frame's origin.
 pub type PointForce = (FrameId, nalgebra::Vector3<f64>);

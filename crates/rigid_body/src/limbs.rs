@@ -19,9 +19,13 @@ mod forward_dynamics;
 mod inverse_dynamics;
 mod links;
 mod pass;
+mod points;
 
 use links::LimbModel;
 use pass::LimbData;
+
+/// Place of the torso among the joints: below the six that carry it.
+pub(crate) const TORSO: usize = 5;
 
 /// The structure, where a model has it.
 #[derive(Debug, Clone)]
@@ -33,7 +37,7 @@ pub(crate) enum Limbs {
 impl Limbs {
     /// The torso and legs of a floating-base model, if that is what it consists of.
     pub fn find(joints: &[Joint], torso: Option<usize>) -> Option<Self> {
-        let torso = torso.filter(|&torso| torso == 5)?;
+        let torso = torso.filter(|&torso| torso == TORSO)?;
         let children =
             |of: usize| -> Vec<usize> { (0..joints.len()).filter(|&i| joints[i].parent == Some(of)).collect() };
         let mut legs = Vec::new();
