@@ -261,10 +261,10 @@ fn every_subproblem_solver_walks_the_same_path_to_the_same_optimum() {
             assert!(solution.multipliers.is_none(), "{name}, {other}: solved by Clarabel");
             assert!(sparse.iterations().abs_diff(solution.iterations()) <= 1, "{name}, {other}");
             assert!((sparse.objective - solution.objective).abs() < 2e-8, "{name}, {other}");
-            // Extrapolation magnifies what Clarabel's tolerance leaves, so the paths are one only up to there.
+            // Extrapolation magnifies what Clarabel's tolerance leaves: the paths are one up to where it starts from.
             let plain = solution.log.iter().take_while(|i| !i.accelerated).count();
-            assert!(plain >= 3, "{name}, {other}");
-            for (a, b) in sparse.log.iter().zip(&solution.log[..plain]) {
+            assert!(plain >= 1, "{name}, {other}");
+            for (a, b) in sparse.log.iter().zip(&solution.log[..=plain]) {
                 assert!(
                     (a.objective - b.objective).abs() < 1e-6,
                     "{name}, {other}, iteration {}: {a:?}, {b:?}",

@@ -13,6 +13,11 @@
 //! ones are held by the triangular factor R of their Gram matrix alone (with one step of refinement, which makes projections as
 //! exact as an orthogonal basis would: Björck, BIT 7, 1967), so a change of the active set costs nothing that grows with the
 //! unknowns.
+//!
+//! Everything is inlined, so that a caller compiled for wider registers has the solve compiled for them, too.
+
+mod sums;
+use sums::{at, axpy, dot, solve_gram};
 
 /// One two-sided row.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -90,6 +95,7 @@ struct Whitened<const W: usize> {
 }
 
 impl<const W: usize> Whitened<W> {
+    #[inline(always)]
     fn dot(&self, other: &Self) -> f64 {
         let own = if self.own.0 == other.own.0 { self.own.1 * other.own.1 } else { 0.0 };
         dot(&self.shared, &other.shared) + own
@@ -160,6 +166,7 @@ const REPEATED: f64 = 1e-20;
 
 impl<const W: usize> DualActiveSet<W> {
     /// Solves; the solution is in `shared` and `own`, which rows are active in [`Self::active`].
+    #[inline(always)]
     pub fn solve(&mut self, qp: &ArrowQp<W>) -> Result<(), ArrowQpError> {
         self.factorise(qp)?;
         self.first.clear();
@@ -218,6 +225,7 @@ impl<const W: usize> DualActiveSet<W> {
     }
 
     /// How many unknowns the active rows and one more hold between them: the most of them that can be independent.
+    #[inline(always)]
     fn unknowns_held(&self, qp: &ArrowQp<W>, more: &Whitened<W>) -> usize {
         if self.active.len() < self.shared_held {
             return W + qp.own.len();
@@ -229,6 +237,7 @@ impl<const W: usize> DualActiveSet<W> {
     }
 
     /// Rows that nearly repeat each other make R singular but for rounding, and the point then breaks rows that count as active.
+    #[inline(always)]
     fn check_active(&self, qp: &ArrowQp<W>) -> Result<(), ArrowQpError> {
         let holds = |a: &Active<W>| {
             let row = &qp.rows[a.row];
@@ -251,22 +260,30 @@ impl<const W: usize> DualActiveSet<W> {
         self.active.iter().map(|a| (a.row, a.side, a.multiplier))
     }
 
+    #[inline(always)]
     fn value(&self, row: &ArrowRow<W>) -> f64 {
         let own = if row.own.1 == 0.0 { 0.0 } else { row.own.1 * self.own[row.own.0] };
         row.offset + dot(&row.normal, &self.shared) + own
     }
 
     /// Distance from the bound on `side`, negative when broken.
+    #[inline(always)]
     fn slack(&self, qp: &ArrowQp<W>, row: usize, side: f64) -> f64 {
         let row = &qp.rows[row];
         if side > 0.0 { self.value(row) - row.lower } else { row.upper - self.value(row) }
     }
 
     /// The most broken of the rows to try first or, when none of them is, of all.
+    #[inline(always)]
     fn most_broken(&self, qp: &ArrowQp<W>) -> Option<(usize, f64)> {
-        self.most_broken_of(qp, self.first.iter().copied()).or_else(|| self.most_broken_of(qp, 0..qp.rows.len()))
+        // No `or_else`: a closure is compiled by itself, and not for wider registers.
+        match self.most_broken_of(qp, self.first.iter().copied()) {
+            None => self.most_broken_of(qp, 0..qp.rows.len()),
+            broken => broken,
+        }
     }
 
+    #[inline(always)]
     fn most_broken_of(&self, qp: &ArrowQp<W>, rows: impl Iterator<Item = usize>) -> Option<(usize, f64)> {
         let mut worst = None;
         let mut worst_amount = -TOLERANCE;
@@ -283,6 +300,7 @@ impl<const W: usize> DualActiveSet<W> {
     }
 
     /// The Hessian's factor, the other unknowns first: √d, then b / √d, then the shared block's.
+    #[inline(always)]
     fn factorise(&mut self, qp: &ArrowQp<W>) -> Result<(), ArrowQpError> {
         let l = &mut self.factor;
         *l = qp.hessian;
@@ -314,6 +332,7 @@ impl<const W: usize> DualActiveSet<W> {
     }
 
     /// L⁻¹ v.
+    #[inline(always)]
     fn forward(&self, mut v: [f64; W]) -> [f64; W] {
         for i in 0..W {
             let known: f64 = (0..i).map(|k| self.factor[i][k] * v[k]).sum();
@@ -323,6 +342,7 @@ impl<const W: usize> DualActiveSet<W> {
     }
 
     /// L⁻ᵀ v.
+    #[inline(always)]
     fn backward(&self, mut v: [f64; W]) -> [f64; W] {
         for i in (0..W).rev() {
             v[i] *= self.factor[i][i];
@@ -335,6 +355,7 @@ impl<const W: usize> DualActiveSet<W> {
     }
 
     /// The unconstrained minimum.
+    #[inline(always)]
     fn minimum(&mut self, qp: &ArrowQp<W>) {
         let mut right = qp.gradient.map(|g| -g);
         for own in &qp.own {
@@ -346,6 +367,7 @@ impl<const W: usize> DualActiveSet<W> {
         self.own.extend(qp.own.iter().map(|own| -(own.gradient + dot(&own.coupling, shared)) / own.hessian));
     }
 
+    #[inline(always)]
     fn whiten(&self, qp: &ArrowQp<W>, row: usize, side: f64) -> Whitened<W> {
         let row = &qp.rows[row];
         let (place, entry) = row.own;
@@ -361,6 +383,7 @@ impl<const W: usize> DualActiveSet<W> {
 
     /// What is left of a normal without its part along the active ones, and the square of its length. The part's
     /// coefficients are in `dual_step`, the other unknowns' entries of what is left in `z_own`.
+    #[inline(always)]
     fn project(&mut self, normal: &Whitened<W>) -> ([f64; W], f64) {
         let mut z = normal.shared;
         self.z_own.clear();
@@ -391,6 +414,7 @@ impl<const W: usize> DualActiveSet<W> {
     }
 
     /// Moves by `t` along the projected normal.
+    #[inline(always)]
     fn walk(&mut self, qp: &ArrowQp<W>, t: f64, z: &[f64; W]) {
         let shared = self.backward(*z);
         axpy(t, &shared, &mut self.shared);
@@ -400,6 +424,7 @@ impl<const W: usize> DualActiveSet<W> {
     }
 
     /// Makes the row active whose normal has just been projected; `length` is that of what was left.
+    #[inline(always)]
     fn add(&mut self, active: Active<W>, length: f64) {
         // R's new column is R times the coefficients, then the length.
         let k = self.active.len();
@@ -412,6 +437,7 @@ impl<const W: usize> DualActiveSet<W> {
     }
 
     /// Takes active row `k` out and makes R triangular again.
+    #[inline(always)]
     fn drop(&mut self, k: usize) {
         self.active.remove(k);
         let active = self.active.len();
@@ -436,46 +462,6 @@ impl<const W: usize> DualActiveSet<W> {
             }
         }
         self.r.truncate(active * (active + 1) / 2);
-    }
-}
-
-/// Place of R's entry in row `row` ≤ `column`.
-fn at(row: usize, column: usize) -> usize {
-    column * (column + 1) / 2 + row
-}
-
-/// (RᵀR)⁻¹ v in place.
-fn solve_gram(r: &[f64], v: &mut [f64]) {
-    for c in 0..v.len() {
-        let known: f64 = (0..c).map(|row| r[at(row, c)] * v[row]).sum();
-        v[c] = (v[c] - known) / r[at(c, c)];
-    }
-    for c in (0..v.len()).rev() {
-        v[c] /= r[at(c, c)];
-        let known = v[c];
-        for row in 0..c {
-            v[row] -= r[at(row, c)] * known;
-        }
-    }
-}
-
-/// Four sums side by side: one alone waits for each addition before the next.
-fn dot<const W: usize>(a: &[f64; W], b: &[f64; W]) -> f64 {
-    let (a_fours, a_rest) = a.as_chunks::<4>();
-    let (b_fours, b_rest) = b.as_chunks::<4>();
-    let mut sums = [0.0; 4];
-    for (a, b) in a_fours.iter().zip(b_fours) {
-        for k in 0..4 {
-            sums[k] += a[k] * b[k];
-        }
-    }
-    let rest: f64 = a_rest.iter().zip(b_rest).map(|(a, b)| a * b).sum();
-    (sums[0] + sums[1]) + (sums[2] + sums[3]) + rest
-}
-
-fn axpy<const W: usize>(scale: f64, x: &[f64; W], y: &mut [f64; W]) {
-    for (y, x) in y.iter_mut().zip(x) {
-        *y += scale * x;
     }
 }
 

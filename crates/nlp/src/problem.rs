@@ -176,7 +176,15 @@ impl Evaluation {
 /// By how much `value` is outside [lower, upper].
 pub(crate) fn outside(value: f64, lower: f64, upper: f64) -> f64 {
     // A value that is not a number is as far outside as can be; the comparisons below would call it inside.
-    if value.is_nan() { f64::INFINITY } else { (lower - value).max(value - upper).max(0.0) }
+    let (below, above) = (lower - value, value - upper);
+    let out = if below > above { below } else { above };
+    if value.is_nan() {
+        f64::INFINITY
+    } else if out > 0.0 {
+        out
+    } else {
+        0.0
+    }
 }
 
 pub(crate) fn check(problem: &impl Problem, start: &[f64]) -> Result<(), ProblemError> {

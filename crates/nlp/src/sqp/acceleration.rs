@@ -1,72 +1,52 @@
-//! Extrapolation of the last steps.
+//! Extrapolation of the last two steps.
 
 use super::bilinear;
 use crate::problem::{Evaluation, Problem};
 
-/// Anderson acceleration (Walker & Ni, SIAM J. Numer. Anal. 49, 2011) of the last iterations. With a Gauss–Newton
-/// Hessian the steps p shrink by a constant factor there: x ↦ x + p(x) is nearly linear, and the last few points and
-/// steps give its fixed point. Steps are measured by the subproblem's Hessian, the unit in which the objective does.
+/// Anderson acceleration of depth one (Walker & Ni, SIAM J. Numer. Anal. 49, 2011). With a Gauss–Newton Hessian the
+/// steps p shrink by a constant factor: x ↦ x + p(x) is nearly linear, and the last two points and steps give its fixed
+/// point. Steps are measured by the subproblem's Hessian, the unit in which the objective does. A second difference
+/// gains as much on some gaits as it loses on others.
 #[derive(Default)]
 pub(super) struct Acceleration {
-    /// The last point and its step.
-    last: Option<(Vec<f64>, Vec<f64>)>,
-    /// Differences of consecutive points and of their steps, the newest last.
-    differences: Vec<(Vec<f64>, Vec<f64>)>,
+    /// The last point and its step; empty where there is none.
+    x: Vec<f64>,
+    step: Vec<f64>,
+    /// How the step has changed since.
+    change: Vec<f64>,
 }
-
-/// Differences that are kept. A third one gains nothing on the gaits.
-const DEPTH: usize = 2;
 
 impl Acceleration {
     pub(super) fn forget(&mut self) {
-        self.last = None;
-        self.differences.clear();
+        self.x.clear();
+        self.step.clear();
     }
 
-    /// Where the points so far and the step from `x` lead to, if they tell.
+    /// Writes to `target` where the last point and the step from `x` lead to; false where they do not tell.
     pub(super) fn extrapolate<P: Problem>(
         &mut self,
         problem: &P,
         at: &Evaluation,
         x: &[f64],
         step: &[f64],
-    ) -> Option<Vec<f64>> {
-        if let Some((x_before, step_before)) = self.last.replace((x.to_vec(), step.to_vec())) {
-            if self.differences.len() == DEPTH {
-                self.differences.remove(0);
+        target: &mut [f64],
+    ) -> bool {
+        let Self { x: x_before, step: step_before, change } = self;
+        let known = !x_before.is_empty();
+        change.clear();
+        change.extend(step.iter().zip(&*step_before).map(|(now, before)| now - before));
+        let square = if known { bilinear(problem, at, change, change) } else { 0.0 };
+        let tells = square > 0.0;
+        if tells {
+            let share = bilinear(problem, at, step, change) / square;
+            for i in 0..x.len() {
+                target[i] = x[i] + step[i] - share * (x[i] - x_before[i] + change[i]);
             }
-            let minus = |a: &[f64], b: &[f64]| a.iter().zip(b).map(|(a, b)| a - b).collect::<Vec<f64>>();
-            self.differences.push((minus(x, &x_before), minus(step, &step_before)));
         }
-        // Least squares |p − Σ γ Δp| by Gram–Schmidt from the newest difference on.
-        let mut residual = step.to_vec();
-        let mut target: Vec<f64> = x.iter().zip(step).map(|(x, p)| x + p).collect();
-        let mut basis: Vec<(Vec<f64>, Vec<f64>, f64)> = Vec::new();
-        for (dx, dp) in self.differences.iter().rev() {
-            let size = bilinear(problem, at, dp, dp);
-            let (mut dx, mut dp) = (dx.clone(), dp.clone());
-            for (ex, ep, square) in &basis {
-                let share = bilinear(problem, at, &dp, ep) / square;
-                subtract(&mut dp, share, ep);
-                subtract(&mut dx, share, ex);
-            }
-            let square = bilinear(problem, at, &dp, &dp);
-            // A difference that repeats the newer ones tells nothing.
-            if square <= 1e-6 * size {
-                break;
-            }
-            let share = bilinear(problem, at, &residual, &dp) / square;
-            subtract(&mut residual, share, &dp);
-            subtract(&mut target, share, &dx);
-            subtract(&mut target, share, &dp);
-            basis.push((dx, dp, square));
-        }
-        (!basis.is_empty()).then_some(target)
-    }
-}
-
-fn subtract(from: &mut [f64], scale: f64, what: &[f64]) {
-    for (f, w) in from.iter_mut().zip(what) {
-        *f -= scale * w;
+        x_before.clear();
+        x_before.extend_from_slice(x);
+        step_before.clear();
+        step_before.extend_from_slice(step);
+        tells
     }
 }
