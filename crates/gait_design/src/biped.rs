@@ -2,7 +2,7 @@
 //! front biped's coordinates (q_r = A q_f, Ma & Ames 2020, II-C).
 
 use decomposition::{Pairing, Side};
-use nalgebra::{Matrix3xX, SMatrix, SVector, Vector3};
+use nalgebra::{SMatrix, SVector, Vector3};
 use rigid_body::{Data, FrameId, Model};
 use robot::{Robot, RobotError};
 
@@ -201,29 +201,35 @@ fn evaluate(
     }
     rigid_body::rnea_derivatives(model, data, q, v, a, &forces);
     out.tau.copy_from(&data.tau);
-    for (own, &(column, sign)) in follows.iter().enumerate() {
-        for row in 0..DOF {
-            out.dtau_dq[(row, column)] = sign * data.dtau_dq[(row, own)];
-            out.dtau_dv[(row, column)] = sign * data.dtau_dv[(row, own)];
-            out.mass_matrix[(row, column)] = sign * data.mass_matrix[(row, own)];
-        }
+    for (from, to) in [
+        (&data.dtau_dq, &mut out.dtau_dq),
+        (&data.dtau_dv, &mut out.dtau_dv),
+        (&data.mass_matrix, &mut out.mass_matrix),
+    ] {
+        by_front::<DOF>(follows, from.as_slice(), to.as_mut_slice());
     }
-    let by_front = |from: &Matrix3xX<f64>, to: &mut SMatrix<f64, 3, DOF>| {
-        for (own, &(column, sign)) in follows.iter().enumerate() {
-            to.set_column(column, &(from.column(own) * sign));
-        }
-    };
     for (frame, toe) in [(*stance, &mut out.stance), (*swing, &mut out.swing)] {
         let point = rigid_body::last_point_kinematics_derivatives(model, data, frame);
         (toe.position, toe.velocity, toe.acceleration) = (point.position, point.velocity, point.acceleration);
-        by_front(&point.jacobian, &mut toe.jacobian);
-        by_front(&point.dvelocity_dq, &mut toe.dvelocity_dq);
-        by_front(&point.dacceleration_dq, &mut toe.dacceleration_dq);
-        by_front(&point.dacceleration_dv, &mut toe.dacceleration_dv);
-        if frame == *stance {
-            for own in 0..DOF {
-                out.stance_jacobian_own.set_column(own, &point.jacobian.column(own));
-            }
+        for (from, to) in [
+            (&point.jacobian, &mut toe.jacobian),
+            (&point.dvelocity_dq, &mut toe.dvelocity_dq),
+            (&point.dacceleration_dq, &mut toe.dacceleration_dq),
+            (&point.dacceleration_dv, &mut toe.dacceleration_dv),
+        ] {
+            by_front::<3>(follows, from.as_slice(), to.as_mut_slice());
         }
+        if frame == *stance {
+            out.stance_jacobian_own.as_mut_slice().copy_from_slice(point.jacobian.as_slice());
+        }
+    }
+}
+
+/// Columns of `ROWS` entries by the biped's own coordinates, one after the other, as columns by the front biped's.
+#[inline(always)]
+fn by_front<const ROWS: usize>(follows: &[(usize, f64); DOF], from: &[f64], to: &mut [f64]) {
+    let (from, to) = (from.as_chunks::<ROWS>().0, to.as_chunks_mut::<ROWS>().0);
+    for (from, &(column, sign)) in from.iter().zip(follows) {
+        to[column] = from.map(|value| sign * value);
     }
 }

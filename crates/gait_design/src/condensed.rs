@@ -17,6 +17,7 @@
 
 mod ends;
 mod motion;
+mod sums;
 
 use crate::biped::BipedDynamics;
 use crate::program::{COEFFICIENTS, DOF, DecomposedProgram, OUTPUTS, STANCE_ROLL, layout as at, rows};
@@ -29,6 +30,7 @@ use nlp::{
     ArrowQp, ArrowQpError, ArrowRow, DualActiveSet, Evaluation, Own, Problem, Step, Subproblem, SubproblemError,
 };
 use std::ops::Range;
+use sums::{add, add_squares, dot, scaled};
 
 /// The numbers that the motion depends on: base angles (3), base angular velocity (3), the stance hip roll's position and
 /// velocity (2), all at the first point; six coefficients of each of the other five outputs (30); T; and, at the first point again,
@@ -66,18 +68,6 @@ fn units() -> [Affine; INPUTS] {
         }
         row
     })
-}
-
-#[inline(always)]
-fn add<const N: usize>(to: &mut [f64; N], scale: f64, from: &[f64; N]) {
-    for (t, f) in to.iter_mut().zip(from) {
-        *t += scale * f;
-    }
-}
-
-#[inline(always)]
-fn scaled<const N: usize>(row: &[f64; N], scale: f64) -> [f64; N] {
-    row.map(|v| scale * v)
 }
 
 /// Input number of the first coefficient of an output that is not the stance hip roll.
@@ -309,15 +299,17 @@ impl Condensed {
             let g = &g[rows::COUNT * point..rows::COUNT * (point + 1)];
             // Both bipeds' base rows: J_1bᵀ δλ1 + J_2bᵀ δλ2 = net, with J_b = [I K].
             let mut net: [Reduced; 6] = [[0.0; WIDTH]; 6];
-            for (r, sum) in net.iter_mut().enumerate() {
+            for (r, of_row) in net.iter_mut().enumerate() {
+                let mut sum = [0.0; WIDTH];
                 for i in TURNING {
-                    add(sum, d.front.dtau_dq[(r, i)] + d.rear.dtau_dq[(r, i)], m.q(i));
-                    add(sum, d.front.dtau_dv[(r, i)] + d.rear.dtau_dv[(r, i)], m.v(i));
+                    add(&mut sum, d.front.dtau_dq[(r, i)] + d.rear.dtau_dq[(r, i)], m.q[i]);
+                    add(&mut sum, d.front.dtau_dv[(r, i)] + d.rear.dtau_dv[(r, i)], m.v[i]);
                 }
                 for i in 0..DOF {
-                    add(sum, d.front.mass_matrix[(r, i)] + d.rear.mass_matrix[(r, i)], m.a(i));
+                    add(&mut sum, d.front.mass_matrix[(r, i)] + d.rear.mass_matrix[(r, i)], m.a[i]);
                 }
                 sum[FREE_MAX] += g[rows::FRONT + r] + g[rows::REAR_BASE + r];
+                *of_row = sum;
             }
             let (k1, k2) = (turning(&d.rear.stance.jacobian), turning(&d.front.stance.jacobian));
             let n = (k2 - k1).transpose();
@@ -345,12 +337,13 @@ impl Condensed {
             for i in 0..6 {
                 // The rear biped's legs follow the front one's diagonally.
                 let (own, opposite) = if i < 3 { (6..9, 9..DOF) } else { (9..DOF, 6..9) };
-                out.front_torque[i] = torque(m, &d.front, i, own, g[rows::FRONT + 6 + i]);
-                out.rear_torque[i] = torque(m, &d.rear, i, opposite, g[rows::REAR_TORQUE + i]);
+                let mut front = torque(&m, &d.front, i, own, g[rows::FRONT + 6 + i]);
+                let mut rear = torque(&m, &d.rear, i, opposite, g[rows::REAR_TORQUE + i]);
                 for k in 0..3 {
-                    add(&mut out.front_torque[i], -j2[(k, 6 + i)], &out.lambda_2[k]);
-                    add(&mut out.rear_torque[i], -j1[(k, 6 + i)], &out.lambda_1[k]);
+                    add(&mut front, -j2[(k, 6 + i)], &out.lambda_2[k]);
+                    add(&mut rear, -j1[(k, 6 + i)], &out.lambda_1[k]);
                 }
+                (out.front_torque[i], out.rear_torque[i]) = (front, rear);
                 out.front_internal[i] = -j2.column(6 + i).dot(&direction);
                 out.rear_internal[i] = j1.column(6 + i).dot(&direction);
             }
@@ -397,10 +390,10 @@ impl Condensed {
                 variable(&forces.rear_torque[i], (index, forces.rear_internal[i]), base + at::U_REAR + i);
             }
             for i in 1..DOF {
-                variable(motion.q(i), NONE, base + at::Q + i);
+                variable(motion.q[i], NONE, base + at::Q + i);
             }
             for i in 6..DOF {
-                variable(motion.v(i), NONE, base + at::V + i);
+                variable(motion.v[i], NONE, base + at::V + i);
             }
             variable(&forces.lambda_1[2], (index, -forces.direction.z), base + at::LAMBDA_1 + 2);
             variable(&forces.lambda_2[2], (index, forces.direction.z), base + at::LAMBDA_2 + 2);
@@ -410,11 +403,11 @@ impl Condensed {
         };
         let stance_distance = program.start_of_first() + 14;
         let mut distance = [0.0; WIDTH];
-        let first = Along { unknown: &self.unknown[0], prescribed: &self.prescribed[0] };
+        let first = Along::new(&self.unknown[0], &self.prescribed[0]);
         let (toe_2, toe_1) = (&program.dynamics(0).front.stance, &program.dynamics(0).rear.stance);
         for i in 0..DOF {
             let apart = toe_2.jacobian.column(i) - toe_1.jacobian.column(i);
-            add(&mut distance, 2.0 * apart.dot(&(toe_2.position - toe_1.position)), first.q(i));
+            add(&mut distance, 2.0 * apart.dot(&(toe_2.position - toe_1.position)), first.q[i]);
         }
         constraint(&distance, NONE, stance_distance);
         let face = program.friction_face();
@@ -436,7 +429,7 @@ impl Condensed {
                 let mut row = [0.0; WIDTH];
                 // Leg 3 follows leg 0.
                 for i in 2..9 {
-                    add(&mut row, toe.jacobian[(2, i)], motion.q(i));
+                    add(&mut row, toe.jacobian[(2, i)], motion.q[i]);
                 }
                 constraint(&row, NONE, r + rows::SWING + k);
             }
@@ -453,8 +446,8 @@ impl Condensed {
             for (term, &(i, weight, centre)) in terms.iter_mut().zip(weights) {
                 let place = i - at::point(index);
                 let (row, share) = match place {
-                    at::V..at::A => (motion.v(place - at::V), 0.0),
-                    at::A..at::U_FRONT => (motion.a(place - at::A), 0.0),
+                    at::V..at::A => (motion.v[place - at::V], 0.0),
+                    at::A..at::U_FRONT => (motion.a[place - at::A], 0.0),
                     at::U_FRONT..at::LAMBDA_1 => {
                         (&forces.front_torque[place - at::U_FRONT], forces.front_internal[place - at::U_FRONT])
                     }
@@ -472,19 +465,19 @@ impl Condensed {
             }
             own.gradient = std::mem::take(&mut own.coupling[FREE_MAX]);
             qp.own.push(own);
-            for (a, sum) in hessian[..FREE_MAX].iter_mut().enumerate() {
-                let mut row = *sum;
-                for (weight, term) in &terms {
-                    add(&mut row, weight * term[a], term);
-                }
-                *sum = row;
-            }
+            add_squares::<0>(&mut hessian, &terms);
+            add_squares::<4>(&mut hessian, &terms);
+            add_squares::<8>(&mut hessian, &terms);
+            add_squares::<12>(&mut hessian, &terms);
         }
-        for (a, row) in hessian.iter_mut().enumerate() {
-            qp.gradient[a] = std::mem::take(&mut row[FREE_MAX]);
+        for a in 0..WIDTH {
+            qp.gradient[a] = std::mem::take(&mut hessian[a][FREE_MAX]);
+            for b in a + 1..FREE_MAX {
+                hessian[b][a] = hessian[a][b];
+            }
             if a >= free {
                 // Places that stand for nothing stay at zero.
-                row[a] = 1.0;
+                hessian[a][a] = 1.0;
             }
         }
         qp.hessian = hessian;
@@ -502,7 +495,7 @@ impl Condensed {
     ) -> Vec<f64> {
         let mut values = self.solver.shared;
         values[FREE_MAX] = 1.0;
-        let of = |row: &Reduced| row.iter().zip(&values).map(|(a, b)| a * b).sum::<f64>();
+        let of = |row: &Reduced| dot(row, &values);
         let mut p = vec![0.0; unknowns];
         for k in 0..COEFFICIENTS {
             for output in 0..OUTPUTS {
@@ -515,9 +508,9 @@ impl Condensed {
             let internal = self.solver.own[index];
             let p = &mut p[at::point(index)..at::point(index + 1)];
             for i in 0..DOF {
-                p[at::Q + i] = of(motion.q(i));
-                p[at::V + i] = of(motion.v(i));
-                p[at::A + i] = of(motion.a(i));
+                p[at::Q + i] = of(motion.q[i]);
+                p[at::V + i] = of(motion.v[i]);
+                p[at::A + i] = of(motion.a[i]);
             }
             for i in 0..3 {
                 p[at::LAMBDA_1 + i] = of(&forces.lambda_1[i]) - internal * forces.direction[i];
@@ -529,17 +522,19 @@ impl Condensed {
             }
             // The front biped's base rows give the wrench.
             let front = &program.dynamics(index).front;
-            for i in 0..6 {
-                let mut out_of_balance = g[rows::COUNT * index + rows::FRONT + i];
-                for k in 0..DOF {
-                    out_of_balance += front.dtau_dq[(i, k)] * p[at::Q + k]
+            let mut out_of_balance: [f64; 6] = std::array::from_fn(|i| g[rows::COUNT * index + rows::FRONT + i]);
+            for k in 0..DOF {
+                for (i, sum) in out_of_balance.iter_mut().enumerate() {
+                    *sum += front.dtau_dq[(i, k)] * p[at::Q + k]
                         + front.dtau_dv[(i, k)] * p[at::V + k]
                         + front.mass_matrix[(i, k)] * p[at::A + k];
                 }
+            }
+            for (i, mut sum) in out_of_balance.into_iter().enumerate() {
                 for k in 0..3 {
-                    out_of_balance -= front.stance.jacobian[(k, i)] * p[at::LAMBDA_2 + k];
+                    sum -= front.stance.jacobian[(k, i)] * p[at::LAMBDA_2 + k];
                 }
-                p[at::LAMBDA_C + i] = -out_of_balance;
+                p[at::LAMBDA_C + i] = -sum;
             }
         }
         p
@@ -548,57 +543,46 @@ impl Condensed {
 
 /// A leg's torque without the ground force's share: it feels the body and the leg's own joints.
 #[inline(always)]
-fn torque(m: Along, biped: &BipedDynamics, r: usize, own: Range<usize>, residual: f64) -> Reduced {
+fn torque(m: &Along, biped: &BipedDynamics, r: usize, own: Range<usize>, residual: f64) -> Reduced {
     let mut sum = [0.0; WIDTH];
     for i in (3..6).chain(own.clone()) {
-        add(&mut sum, biped.dtau_dq[(6 + r, i)], m.q(i));
-        add(&mut sum, biped.dtau_dv[(6 + r, i)], m.v(i));
+        add(&mut sum, biped.dtau_dq[(6 + r, i)], m.q[i]);
+        add(&mut sum, biped.dtau_dv[(6 + r, i)], m.v[i]);
     }
     for i in (0..6).chain(own) {
-        add(&mut sum, biped.mass_matrix[(6 + r, i)], m.a(i));
+        add(&mut sum, biped.mass_matrix[(6 + r, i)], m.a[i]);
     }
     sum[FREE_MAX] += residual;
     sum
 }
 
 /// All coordinates of a point.
-#[derive(Clone, Copy)]
 struct Along<'a> {
-    unknown: &'a Motion<7, Reduced>,
-    prescribed: &'a Motion<OUTPUTS, Reduced>,
-}
-
-fn along<'a>(
-    unknown: &'a [Motion<7, Reduced>],
-    prescribed: &'a [Motion<OUTPUTS, Reduced>],
-) -> impl Iterator<Item = Along<'a>> {
-    unknown.iter().zip(prescribed).map(|(unknown, prescribed)| Along { unknown, prescribed })
+    q: [&'a Reduced; DOF],
+    v: [&'a Reduced; DOF],
+    a: [&'a Reduced; DOF],
 }
 
 impl<'a> Along<'a> {
     #[inline(always)]
-    fn of(i: usize, unknown: &'a [Reduced; 7], prescribed: &'a [Reduced; OUTPUTS]) -> &'a Reduced {
-        match i {
-            0..6 => &unknown[i],
-            _ if i == 6 + STANCE_ROLL => &unknown[6],
-            _ => &prescribed[i - 6],
-        }
+    fn new(unknown: &'a Motion<7, Reduced>, prescribed: &'a Motion<OUTPUTS, Reduced>) -> Self {
+        let of = |unknown: &'a [Reduced; 7], prescribed: &'a [Reduced; OUTPUTS]| {
+            std::array::from_fn(|i| match i {
+                0..6 => &unknown[i],
+                _ if i == 6 + STANCE_ROLL => &unknown[6],
+                _ => &prescribed[i - 6],
+            })
+        };
+        Self { q: of(&unknown.q, &prescribed.q), v: of(&unknown.v, &prescribed.v), a: of(&unknown.a, &prescribed.a) }
     }
+}
 
-    #[inline(always)]
-    fn q(&self, i: usize) -> &'a Reduced {
-        Self::of(i, &self.unknown.q, &self.prescribed.q)
-    }
-
-    #[inline(always)]
-    fn v(&self, i: usize) -> &'a Reduced {
-        Self::of(i, &self.unknown.v, &self.prescribed.v)
-    }
-
-    #[inline(always)]
-    fn a(&self, i: usize) -> &'a Reduced {
-        Self::of(i, &self.unknown.a, &self.prescribed.a)
-    }
+#[inline(always)]
+fn along<'a>(
+    unknown: &'a [Motion<7, Reduced>],
+    prescribed: &'a [Motion<OUTPUTS, Reduced>],
+) -> impl Iterator<Item = Along<'a>> {
+    unknown.iter().zip(prescribed).map(|(unknown, prescribed)| Along::new(unknown, prescribed))
 }
 
 #[cfg(all(test, target_arch = "x86_64"))]

@@ -12,6 +12,10 @@ use gait::bezier;
 use nlp::{Bounds, Evaluation, Pattern, Problem};
 use robot::Robot;
 
+mod sinks;
+use sinks::Count;
+pub(crate) use sinks::{Places, Sink, ValuesSink};
+
 /// Coordinates of a biped.
 pub(crate) const DOF: usize = 12;
 /// Outputs of the front biped: its six joints.
@@ -94,29 +98,6 @@ pub struct DecomposedProgram {
     dynamics: Vec<PointDynamics>,
 }
 
-/// Takes the Jacobian's nonzeros in one fixed order: once their places, afterwards their values.
-pub(crate) trait Sink {
-    fn put(&mut self, row: usize, column: usize, value: f64);
-}
-
-pub(crate) struct Places(pub Vec<(usize, usize)>);
-impl Sink for Places {
-    fn put(&mut self, row: usize, column: usize, _: f64) {
-        self.0.push((row, column));
-    }
-}
-
-pub(crate) struct ValuesSink<'a> {
-    pub values: &'a mut [f64],
-    pub next: usize,
-}
-impl Sink for ValuesSink<'_> {
-    fn put(&mut self, _: usize, _: usize, value: f64) {
-        self.values[self.next] = value;
-        self.next += 1;
-    }
-}
-
 impl DecomposedProgram {
     /// Builds the program. The request has been validated.
     pub fn new(robot: &Robot, bipeds: BipedPair, request: &GaitRequest, settings: ProgramSettings) -> Self {
@@ -143,7 +124,9 @@ impl DecomposedProgram {
         };
         program.ask(robot, request);
         let x: Vec<f64> = vec![0.0; program.bounds.variable_lower.len()];
-        let mut places = Places(Vec::new());
+        let mut count = Count(0);
+        program.derivatives(&x, &mut count);
+        let mut places = Places(Vec::with_capacity(count.0));
         program.derivatives(&x, &mut places);
         program.jacobian = Pattern(places.0);
         program.hessian = Pattern(program.weights.iter().map(|w| (w.0, w.0)).collect());

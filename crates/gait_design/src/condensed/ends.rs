@@ -87,14 +87,12 @@ impl Condensed {
         // Gauss with complete pivoting, then the pivots' inputs from the last back to the first.
         let mut pivots: Vec<(usize, usize)> = Vec::with_capacity(END_ROWS);
         let mut waiting: Vec<usize> = (0..END_ROWS).collect();
-        let size = e.iter().map(largest).fold(1.0, f64::max);
+        let mut sizes = e.each_ref().map(largest);
+        let size = sizes.into_iter().fold(1.0, f64::max);
         while !waiting.is_empty() {
             let (mut place, mut best) = (0, 0.0);
             for (k, &r) in waiting.iter().enumerate() {
-                let size = largest(&e[r]);
-                if size > best {
-                    (place, best) = (k, size);
-                }
+                (place, best) = if sizes[r] > best { (k, sizes[r]) } else { (place, best) };
             }
             if best.is_nan() || best <= REPEATED * size {
                 // Rows that repeat the others; what is left of their residual is for the next iteration to see.
@@ -110,6 +108,7 @@ impl Condensed {
                 if factor != 0.0 {
                     add(&mut e[r], -factor, &pivot);
                     e[r][column] = 0.0;
+                    sizes[r] = largest(&e[r]);
                 }
             }
         }

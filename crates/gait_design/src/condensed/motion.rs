@@ -130,7 +130,9 @@ pub(super) fn move_along<const N: usize>(
                 (&mut end.q[k], [1.0, h, h * h / 6.0], end_q),
             ] {
                 let mut row = scaled(v0, from[1]);
-                add(&mut row, from[0], q0);
+                if from[0] != 0.0 {
+                    add(&mut row, from[0], q0);
+                }
                 add(&mut row, from[2], a0);
                 add(&mut row, own[0], duration);
                 row[constant] += own[1];
@@ -219,11 +221,13 @@ impl Outputs<WIDTH> for SpreadOutputs<'_> {
     fn subtract(&self, point: usize, right: &mut [Reduced]) {
         let (c, motion) = (&self.rows[point], &self.motion[point]);
         for (r, right) in right.iter_mut().enumerate() {
+            let mut sum = *right;
             for i in prescribed() {
-                add(right, -c.q[r][6 + i], &motion.q[i]);
-                add(right, -c.v[r][6 + i], &motion.v[i]);
-                add(right, -c.a[r][6 + i], &motion.a[i]);
+                add(&mut sum, -c.q[r][6 + i], &motion.q[i]);
+                add(&mut sum, -c.v[r][6 + i], &motion.v[i]);
+                add(&mut sum, -c.a[r][6 + i], &motion.a[i]);
             }
+            *right = sum;
         }
     }
 }
@@ -346,12 +350,12 @@ fn solve_square<const N: usize, const W: usize>(
             }
         }
     }
-    for c in (0..N).rev() {
-        right[c] = scaled(&right[c], 1.0 / matrix[c][c]);
-        let known = right[c];
-        for r in 0..c {
-            add(&mut right[r], -matrix[r][c], &known);
+    for r in (0..N).rev() {
+        let mut sum = right[r];
+        for c in r + 1..N {
+            add(&mut sum, -matrix[r][c], &right[c]);
         }
+        right[r] = scaled(&sum, 1.0 / matrix[r][r]);
     }
     Ok(())
 }
