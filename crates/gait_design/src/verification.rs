@@ -2,10 +2,7 @@
 //! input–output linearising law, beside the plan of the decomposed front biped. Nothing of the decomposition is used
 //! here.
 
-use crate::PlanError;
-use crate::planar::PlanarMotion;
 use crate::recompose::PlanPoint;
-use crate::request::GaitRequest;
 use crate::tolerance::Tolerances;
 use decomposition::simulation::{Contacts, Options, State, simulate_phase};
 use decomposition::{ContactDynamics, DynamicsError};
@@ -13,6 +10,9 @@ use gait::{Gait, JOINTS, StepSide, bezier};
 use nalgebra::{DMatrix, DVector};
 use rigid_body::{Data, Model, crba, rnea};
 use robot::Robot;
+
+mod between;
+pub use between::{BetweenPoints, between_points};
 
 /// How far the simulated step departs from the plan.
 #[derive(Clone, Debug, PartialEq)]
@@ -238,139 +238,4 @@ impl StepComparison {
             && self.normal_force_error * self.weight_n <= self.tolerances.force_n
             && self.landing_height_m.iter().all(|h| h.abs() <= self.tolerances.length_m)
     }
-}
-
-/// What a plan's motion does between the program's points, on a grid ten times finer: positions, velocities,
-/// accelerations and forces by the interpolants that Hermite–Simpson collocation stands for, torques by the full-order
-/// inverse dynamics. Each number is the largest on the grid.
-#[derive(Clone, Debug, Default, PartialEq)]
-pub struct BetweenPoints {
-    /// How far a stance toe is from where it stood, m.
-    pub stance_slip_m: f64,
-    /// How far a swing toe is below the floor, m.
-    pub swing_below_floor_m: f64,
-    /// How far a joint is outside its range, rad.
-    pub joint_range_rad: f64,
-    /// How far a joint is from its polynomial, rad.
-    pub polynomial_rad: f64,
-    /// How much faster than its limit a joint moves, rad/s: hip roll, hip pitch, knee.
-    pub joint_velocity_rad_s: [f64; 3],
-    /// How far a torque is above its bound, N m: hip roll, hip pitch, knee.
-    pub torque_nm: [f64; 3],
-    /// How far a ground force is outside its friction pyramid or below its smallest normal force, N.
-    pub ground_force_n: f64,
-    /// Force or moment by which the base is out of balance, N or N m.
-    pub imbalance: f64,
-    /// What counts as kept.
-    pub tolerances: Tolerances,
-}
-
-impl BetweenPoints {
-    /// Whether the plan may be walked: all within the tolerances.
-    pub fn is_kept(&self) -> bool {
-        self.broken().is_empty()
-    }
-
-    /// Refuses a plan that breaks something between its `points`.
-    pub(crate) fn check(&self, points: usize) -> Result<(), PlanError> {
-        let broken = self.broken();
-        if broken.is_empty() {
-            return Ok(());
-        }
-        Err(PlanError::Unverified(format!("between the program's {points} points {}", broken.join(", "))))
-    }
-
-    /// What is broken, each with its amount and what is allowed. Written so that NaN counts as broken.
-    pub fn broken(&self) -> Vec<String> {
-        let t = &self.tolerances;
-        let [roll, pitch, knee] = [0, 1, 2];
-        [
-            ("stance toes slip", self.stance_slip_m, t.length_m, "m"),
-            ("swing toes are below the floor", self.swing_below_floor_m, t.length_m, "m"),
-            ("joints leave their range", self.joint_range_rad, t.angle_rad, "rad"),
-            ("joints depart from their polynomials", self.polynomial_rad, t.angle_rad, "rad"),
-            ("hip rolls are too fast", self.joint_velocity_rad_s[roll], t.velocity_rad_s[roll], "rad/s"),
-            ("hip pitches are too fast", self.joint_velocity_rad_s[pitch], t.velocity_rad_s[pitch], "rad/s"),
-            ("knees are too fast", self.joint_velocity_rad_s[knee], t.velocity_rad_s[knee], "rad/s"),
-            ("hip roll torques are too large", self.torque_nm[roll], t.torque_nm[roll], "N m"),
-            ("hip pitch torques are too large", self.torque_nm[pitch], t.torque_nm[pitch], "N m"),
-            ("knee torques are too large", self.torque_nm[knee], t.torque_nm[knee], "N m"),
-            ("ground forces leave their limits", self.ground_force_n, t.force_n, "N"),
-        ]
-        .into_iter()
-        .filter(|(_, amount, allowed, _)| amount.is_nan() || amount > allowed)
-        .map(|(what, amount, allowed, unit)| format!("{what} by {amount:.2e} {unit} (at most {allowed:.2e})"))
-        .collect()
-    }
-}
-
-/// Looks at a plan between its points. For a plan on a slope, `robot` is [`crate::on_slope`]'s.
-pub fn between_points(robot: &Robot, request: &GaitRequest, gait: &Gait, points: &[PlanPoint]) -> BetweenPoints {
-    const FINER: usize = 10;
-    let model = &robot.model;
-    let mut data = Data::new(model);
-    let mut worst =
-        BetweenPoints { tolerances: Tolerances::of(robot, request.torque_limit_nm), ..BetweenPoints::default() };
-    let t = gait.step_duration_s;
-    let h = 2.0 * t / (points.len() - 1) as f64;
-    let normal_force_min_n = crate::ProgramSettings::default().normal_force_min_share * model.total_mass() * 9.81;
-    let face = request.friction / std::f64::consts::SQRT_2;
-    let (side, legs, swing) = step_of(points);
-    let motion = PlanarMotion::of(request);
-    let steps_before = if side == StepSide::First { 0.0 } else { 1.0 };
-    let mut stood: Option<[nalgebra::Vector3<f64>; 2]> = None;
-    let raise = |to: &mut f64, value: f64| *to = to.max(value);
-    for three in points.windows(3).step_by(2) {
-        let [p0, p1, p2] = three else { unreachable!("windows of three") };
-        for part in 0..=2 * FINER {
-            let s = part as f64 / (2 * FINER) as f64;
-            // Weights of the three values in the quadratic through them at s and, in units of h, in its integral from
-            // 0.
-            let value = [(1.0 - s) * (1.0 - 2.0 * s), 4.0 * s * (1.0 - s), s * (2.0 * s - 1.0)];
-            let integral = [
-                s - 1.5 * s * s + 2.0 / 3.0 * s * s * s,
-                2.0 * s * s - 4.0 / 3.0 * s * s * s,
-                2.0 / 3.0 * s * s * s - 0.5 * s * s,
-            ]
-            .map(|w| h * w);
-            let weighed = |w: [f64; 3], f: [f64; 3]| w[0] * f[0] + w[1] * f[1] + w[2] * f[2];
-            let q: [f64; 18] = std::array::from_fn(|i| p0.q[i] + weighed(integral, [p0.v[i], p1.v[i], p2.v[i]]));
-            let v: [f64; 18] = std::array::from_fn(|i| p0.v[i] + weighed(integral, [p0.a[i], p1.a[i], p2.a[i]]));
-            let a: [f64; 18] = std::array::from_fn(|i| weighed(value, [p0.a[i], p1.a[i], p2.a[i]]));
-            let force = |leg: usize| {
-                let of = |k: usize| [p0, p1, p2].map(|p| p.ground_force_n[leg][k]);
-                nalgebra::Vector3::from_fn(|k, _| weighed(value, of(k)))
-            };
-            let forces = legs.map(|leg| (robot.legs[leg].toe, force(leg)));
-            let all = rnea(model, &mut data, &q, &v, &a, &forces);
-            raise(&mut worst.imbalance, all.rows(0, 6).amax());
-            let tau: [f64; JOINTS] = std::array::from_fn(|j| all[6 + j]);
-            let toe = [0, 1, 2, 3].map(|leg| rigid_body::frame_position(model, &data, robot.legs[leg].toe));
-            let standing = legs.map(|leg| toe[leg]);
-            let start = *stood.get_or_insert(standing);
-            for (toe, start) in standing.iter().zip(start) {
-                raise(&mut worst.stance_slip_m, (toe - start).norm());
-            }
-            for toe in swing.map(|leg| toe[leg]) {
-                raise(&mut worst.swing_below_floor_m, -toe.z);
-            }
-            let phase = p0.phase + s * (p2.phase - p0.phase);
-            let (planned, _) = gait.planned(side, phase);
-            for j in 0..JOINTS {
-                let (leg, k) = (&robot.legs[j / 3], j % 3);
-                let outside = (leg.position_min_rad[k] - q[6 + j]).max(q[6 + j] - leg.position_max_rad[k]);
-                raise(&mut worst.joint_range_rad, outside);
-                raise(&mut worst.polynomial_rad, (q[6 + j] - planned[j]).abs());
-                raise(&mut worst.joint_velocity_rad_s[k], v[6 + j].abs() - robot.limits.velocity_rad_s[k]);
-                raise(&mut worst.torque_nm[k], tau[j].abs() - request.torque_limit_nm[k]);
-            }
-            // The pyramid turns with the robot, as in the program.
-            let axes = motion.rotation((steps_before + phase) * request.step_duration_s);
-            for (_, f) in forces {
-                let needed = axes.tr_mul(&f.xy()).amax() - face * f.z;
-                raise(&mut worst.ground_force_n, needed.max(normal_force_min_n - f.z));
-            }
-        }
-    }
-    worst
 }
