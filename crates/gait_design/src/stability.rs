@@ -52,9 +52,9 @@ const DOF: usize = 18;
 const ROWS: usize = 12;
 /// Those, their rates, and where the two stance toes are, x and y of each.
 const STATE: usize = 2 * ROWS + 4;
-/// Each Hermite–Simpson interval is integrated in so many parts, with which the largest multiplier of the five gaits
-/// is exact to 1e-5.
-const PARTS: usize = 7;
+/// Each Hermite–Simpson interval is integrated in so many steps, with which the largest multiplier of the five gaits is
+/// exact to 1e-5.
+const STEPS: usize = 3;
 
 /// Multipliers of the step-to-step map, or of the stride's where two different steps make one.
 #[derive(Clone, Debug, PartialEq)]
@@ -85,22 +85,22 @@ pub fn stability(
     points: &[PlanPoint],
     second_points: &[PlanPoint],
 ) -> Result<Stability, DynamicsError> {
-    stability_in_parts(robot, gait, points, second_points, PARTS)
+    stability_in_steps(robot, gait, points, second_points, STEPS)
 }
 
-/// [`stability`] with each interval integrated in so many parts.
-pub(crate) fn stability_in_parts(
+/// [`stability`] with each interval integrated in so many steps.
+pub(crate) fn stability_in_steps(
     robot: &Robot,
     gait: &Gait,
     points: &[PlanPoint],
     second_points: &[PlanPoint],
-    parts: usize,
+    steps: usize,
 ) -> Result<Stability, DynamicsError> {
-    let first_step = step_map(robot, gait, points, parts)?;
+    let first_step = step_map(robot, gait, points, steps)?;
     let map = if second_points.is_empty() {
         on_manifold(robot, points) * mirror(robot) * first_step
     } else {
-        let second_step = step_map(robot, gait, second_points, parts)?;
+        let second_step = step_map(robot, gait, second_points, steps)?;
         let turned_back = turned_by(-stride_yaw_rad(gait, points, second_points));
         on_manifold(robot, points) * turned_back * second_step * on_manifold(robot, second_points) * first_step
     };
@@ -151,21 +151,21 @@ pub(crate) fn stability_in_parts(
 }
 
 /// I · C · Φ of one step: of the manifold's coordinates at its start, all of the robot's at its end.
-fn step_map(robot: &Robot, gait: &Gait, points: &[PlanPoint], parts: usize) -> Result<DMatrix<f64>, DynamicsError> {
+fn step_map(robot: &Robot, gait: &Gait, points: &[PlanPoint], steps: usize) -> Result<DMatrix<f64>, DynamicsError> {
     let (_, stance, swing) = step_of(points);
-    let ends = end_rows(robot, gait, points, parts)?;
+    let ends = end_rows(robot, gait, points, steps)?;
     let end = points.last().expect("a plan has points");
     Ok(touchdown(robot, stance, swing, end) * DMatrix::from_fn(2 * DOF, STATE, |r, c| ends[r][c]))
 }
 
 /// Φ of one step, q and then q̇.
-fn end_rows(robot: &Robot, gait: &Gait, points: &[PlanPoint], parts: usize) -> Result<[Row; 2 * DOF], DynamicsError> {
+fn end_rows(robot: &Robot, gait: &Gait, points: &[PlanPoint], steps: usize) -> Result<[Row; 2 * DOF], DynamicsError> {
     #[cfg(target_arch = "x86_64")]
     if std::arch::is_x86_feature_detected!("avx2") {
         // SAFETY: this processor has the instructions that the function is compiled for.
-        return unsafe { end_rows_with_avx2(robot, gait, points, parts) };
+        return unsafe { end_rows_with_avx2(robot, gait, points, steps) };
     }
-    end_rows_as_compiled(robot, gait, points, parts)
+    end_rows_as_compiled(robot, gait, points, steps)
 }
 
 /// [`end_rows_as_compiled`] for processors with registers twice as wide: the same sums to the bit, for none is fused.
@@ -175,9 +175,9 @@ fn end_rows_with_avx2(
     robot: &Robot,
     gait: &Gait,
     points: &[PlanPoint],
-    parts: usize,
+    steps: usize,
 ) -> Result<[Row; 2 * DOF], DynamicsError> {
-    end_rows_as_compiled(robot, gait, points, parts)
+    end_rows_as_compiled(robot, gait, points, steps)
 }
 
 #[inline(always)]
@@ -185,7 +185,7 @@ fn end_rows_as_compiled(
     robot: &Robot,
     gait: &Gait,
     points: &[PlanPoint],
-    parts: usize,
+    steps: usize,
 ) -> Result<[Row; 2 * DOF], DynamicsError> {
     let (_, stance, swing) = step_of(points);
     let mut data = Data::new(&robot.model);
@@ -196,7 +196,7 @@ fn end_rows_as_compiled(
     let mut flow = Flow::identity();
     let h = 2.0 * gait.step_duration_s / (points.len() - 1) as f64;
     for interval in generators.windows(3).step_by(2) {
-        flow.advance([&interval[0], &interval[1], &interval[2]], h, parts)?;
+        flow.advance([&interval[0], &interval[1], &interval[2]], h, steps)?;
     }
     // The last generator's kinematics are the end's.
     let lift = lift(robot, &mut data, stance, swing)?;
@@ -272,7 +272,11 @@ pub(crate) fn touchdown(
     let least = |j: &DMatrix<f64>| {
         let carried = factor.solve(&j.transpose());
         let delassus = j * &carried;
-        carried * delassus.pseudo_inverse(1e-9).expect("the tolerance is positive")
+        // Toes that can be moved one by one, as nearly all can, need no singular values.
+        match delassus.clone().cholesky() {
+            Some(own) if own.l_dirty().diagonal().min() > 1e-3 => carried * own.inverse(),
+            _ => carried * delassus.pseudo_inverse(1e-9).expect("the tolerance is positive"),
+        }
     };
     let landing = stack(&[jacobian[swing_1].rows(2, 1), jacobian[swing_2].rows(2, 1)]);
     let held = stack(&[landing.rows(0, 2), jacobian[stance_1].rows(0, 3), jacobian[stance_2].rows(0, 3)]);
@@ -329,8 +333,8 @@ mod tests {
         assert!(std::arch::is_x86_feature_detected!("avx2"), "this processor has no AVX2: there is nothing to compare");
         let robot = vision60();
         let plan = crate::plan(&robot, &as_steps("amble", &robot), &Default::default(), go_on).unwrap();
-        let narrow = end_rows_as_compiled(&robot, &plan.gait, &plan.points, PARTS).unwrap();
-        let wide = end_rows(&robot, &plan.gait, &plan.points, PARTS).unwrap();
+        let narrow = end_rows_as_compiled(&robot, &plan.gait, &plan.points, STEPS).unwrap();
+        let wide = end_rows(&robot, &plan.gait, &plan.points, STEPS).unwrap();
         for (a, b) in narrow.as_flattened().iter().zip(wide.as_flattened()) {
             assert_eq!(a.to_bits(), b.to_bits(), "{a} and {b}");
         }

@@ -127,23 +127,28 @@ pub(super) fn generator(
     let forces = stance.map(|leg| (robot.legs[leg].toe, point.ground_force_n[leg].into()));
     rnea_derivatives(&robot.model, data, &point.q, &point.v, &point.a, &forces);
     let lift = lift(robot, data, stance, swing)?;
+    let own = independent(swing);
     let mut right = [[0.0; STATE]; DOF];
     for (r, row) in right.iter_mut().enumerate() {
-        for i in 3..DOF {
-            add(row, -data.dtau_dq[(r, i)], &lift.position[i]);
-            add(row, -data.dtau_dv[(r, i)], &lift.velocity[i]);
-        }
+        let mut sum = [0.0; STATE];
         for leg in stance {
             for i in 6 + 3 * leg..9 + 3 * leg {
-                add(row, -data.mass_matrix[(r, i)], &lift.acceleration[i]);
+                add(&mut sum, -data.dtau_dq[(r, i)], &lift.position[i]);
+                add(&mut sum, -data.dtau_dv[(r, i)], &lift.velocity[i]);
+                add(&mut sum, -data.mass_matrix[(r, i)], &lift.acceleration[i]);
             }
         }
+        // The others are coordinates of the manifold.
+        for (column, &i) in own.iter().enumerate().skip(3) {
+            sum[column] -= data.dtau_dq[(r, i)];
+            sum[RATES + column] -= data.dtau_dv[(r, i)];
+        }
+        *row = sum;
     }
     for j in 0..JOINTS {
         add(&mut right[6 + j], -gait.gains.kp[j], &lift.position[6 + j]);
         add(&mut right[6 + j], -gait.gains.kd[j], &lift.velocity[6 + j]);
     }
-    let own = independent(swing);
     // Nᵀ of rows of the robot's coordinates.
     let mut g: [Row; ROWS] = own.map(|i| right[i]);
     let mut mass: [[f64; DOF]; ROWS] = own.map(|i| std::array::from_fn(|c| data.mass_matrix[(i, c)]));
