@@ -87,9 +87,10 @@ pub struct Workspace {
 
 /// Constraints named when a solve ends infeasible.
 const NAMED: usize = 5;
-/// Steps are extrapolated where the subproblem promises at most this, relative to max(1, |f|): further out the steps are not
-/// yet those of one linear map.
-const TAIL: f64 = 3e-3;
+/// Steps are extrapolated where the subproblem promises at most the first, relative to max(1, |f|): further out they are
+/// not yet those of one linear map. A solve that has taken so many is no easy one, and extrapolates below the second.
+const TAIL: [f64; 2] = [3e-3, 1e-5];
+const EASY: usize = 10;
 /// The last step holds the constraints to this share of what is tolerated: the objective would gain by what is left.
 const HELD_SHARE: f64 = 0.2;
 /// A step shorter than this is no progress.
@@ -240,7 +241,7 @@ impl SqpSolver {
                 past.forget();
                 false
             } else {
-                let tail = iteration.predicted_decrease.abs() <= TAIL * scale;
+                let tail = iteration.predicted_decrease.abs() <= TAIL[usize::from(log.len() >= EASY)] * scale;
                 past.extrapolate(problem, at, &x, &step.step, &mut trial) && tail && !is_last
             };
             // The extrapolated point and the full step, one of which is nearly always taken, with their derivatives.
