@@ -112,7 +112,8 @@ impl State {
             for k in 0..3 {
                 self.v[first + k] -= change[k];
                 // Written so that a rate that is not a number is refused too.
-                if !(self.v[first + k].abs() <= robot.limits.velocity_rad_s[k]) {
+                let limit = robot.limits.velocity_rad_s[k];
+                if !(-limit..=limit).contains(&self.v[first + k]) {
                     return Err(StateError::TooFast { toe: Names::of(robot).toe(leg) });
                 }
             }
