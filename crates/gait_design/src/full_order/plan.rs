@@ -18,9 +18,9 @@ use std::ops::ControlFlow;
 
 /// Plans by the full-order program from the decomposed program's guess; its subproblems are solved by elimination
 /// ([`nlp::NullSpace`]), or by Clarabel if `options.subproblem` is [`crate::SubproblemSolver::Sparse`]. On a sideways
-/// slope, and in a gait that turns or steps aside, both steps of the stride are planned; there, and with the reference in the
-/// program, the start is the decomposed program's solution for the same request straight ahead without that slope, if
-/// it has one, bent by what the legs' kinematics say of the turn.
+/// slope, and in a gait that turns or steps aside, both steps of the stride are planned; there, and with the reference
+/// in the program, the start is the decomposed program's solution for the same request straight ahead without that
+/// slope, if it has one, bent by what the legs' kinematics say of the turn.
 /// What is planned with such a start is checked between the points as well; the others, there to be compared, are not.
 /// `options.warm_start` has no meaning here.
 ///
