@@ -129,6 +129,11 @@ impl Sample {
     }
 }
 
+/// The larger of two numbers; what is none is larger than all, and so is seen at the end.
+fn larger(a: f64, b: f64) -> f64 {
+    if a.is_nan() || b <= a { a } else { b }
+}
+
 /// The largest values of numbers that are sampled at equal distances.
 struct Peaks {
     largest: [f64; NUMBERS],
@@ -151,10 +156,7 @@ impl Peaks {
             let bend = (b - a) + (b - c);
             let is_peak = *known >= 2 && b >= a && b >= c && bend > 0.0;
             let peak = if is_peak { b + (c - a) * (c - a) / (8.0 * bend) } else { c };
-            let high = if peak > c { peak } else { c };
-            if high > largest[i] {
-                largest[i] = high;
-            }
+            largest[i] = larger(largest[i], if peak > c { peak } else { c });
         }
         self.last = [*middle, now];
         self.known += 1;
@@ -274,7 +276,7 @@ fn between_points_by(
         }
     }
     let largest = Sample::of(&peaks.largest);
-    let largest_of = |numbers: &[f64]| numbers.iter().copied().fold(0.0, f64::max);
+    let largest_of = |numbers: &[f64]| numbers.iter().copied().fold(0.0, larger);
     let by_type = |numbers: &[f64; JOINTS]| {
         std::array::from_fn(|k| largest_of(&[numbers[k], numbers[3 + k], numbers[6 + k], numbers[9 + k]]))
     };
@@ -295,6 +297,25 @@ fn between_points_by(
 mod tests {
     use super::*;
     use crate::tests::{as_steps, go_on, vision60};
+
+    #[test]
+    fn a_plan_with_a_value_that_is_no_number_is_broken() {
+        let robot = vision60();
+        let request = as_steps("amble", &robot);
+        let plan = crate::plan(&robot, &request, &Default::default(), go_on).unwrap();
+        assert!(between_points(&robot, &request, &plan.gait, &plan.points).is_kept());
+        for spoil in [
+            |point: &mut PlanPoint| point.q[8] = f64::NAN,
+            |point: &mut PlanPoint| point.v[8] = f64::NAN,
+            |point: &mut PlanPoint| point.a[8] = f64::NAN,
+            |point: &mut PlanPoint| point.ground_force_n.iter_mut().for_each(|force| force[2] = f64::NAN),
+        ] {
+            let mut points = plan.points.clone();
+            spoil(&mut points[4]);
+            let found = between_points(&robot, &request, &plan.gait, &points);
+            assert!(!found.is_kept(), "{found:?}");
+        }
+    }
 
     #[test]
     fn what_is_broken_between_two_samples_is_seen() {
