@@ -91,8 +91,6 @@ impl Ground {
         let wanted = self.wanted_shift_m(config, height_m, planned_rise);
         for axis in 0..2 {
             self.shift_m[axis] += (wanted[axis] - self.shift_m[axis]).clamp(-most, most);
-        }
-        for axis in 0..2 {
             let rise = self.rise[axis] - planned_rise[axis];
             self.lasting_rise[axis] += dt_s / STEEP_FILTER_S * (rise - self.lasting_rise[axis]);
         }
