@@ -196,7 +196,7 @@ class Stride:
         begun, p, robot = self.begun[step][index], self.p, self.robot
         time = (step + index / (POINTS - 1)) * self.nominal
         turn, ahead = (ca.DM(value).full() for value in motion(self.velocity, time))
-        reach = (0.5 + abs(self.velocity[0] * self.nominal)) * (step + 1) * (step + index > 0)
+        reach = (0.5 + abs(self.velocity[0] * self.nominal)) * (step + 1)
         middle = np.array([0, ahead[1, 0], self.asked["height_m"], 0, 0, self.velocity[2] * time])
         room = np.array([reach, 0.3, 0.01, 0.3, 0.3, 0.3])
         rates = np.concatenate([[4.0] * 3, [6.0] * 3, np.tile(robot.about["limits"]["velocity_rad_s"], 4)])
@@ -274,7 +274,7 @@ class Stride:
         p.row(end["q"][6:] - start["q"][6:])
         p.row(end["v"][2:] - start["v"][2:])
         turn, ahead = motion(self.velocity, self.t)
-        p.row((turn.T @ (second[0]["q"][:2] - ahead))[1] + start["q"][1])
+        p.row(turn.T @ (second[0]["q"][:2] - ahead) + start["q"][:2])
         p.row(second[0]["q"][5] - yaw + start["q"][5])
         for points, (_, swing, _) in zip(self.steps, STEPS):
             p.row(ca.vertcat(*[points[-1]["speed"][3 * leg : 3 * leg + 3] for leg in swing]))

@@ -249,6 +249,7 @@ fn library(robot: &Robot, gaits: usize, threads: usize) {
                                 eprintln!("bench_planner: refused: {why}");
                                 refused.fetch_add(1, Ordering::Relaxed);
                             }
+                            gait_design::library::Entry::Mirror { .. } => {}
                             gait_design::library::Entry::Gait { iterations: i, .. } => {
                                 iterations.fetch_add(*i as usize, Ordering::Relaxed);
                             }

@@ -5,6 +5,7 @@
 //!
 //! `one` plans a single stride, for a profiler.
 
+use gait_design::library::{Axis, Entry, Field, Grid, Library};
 use gait_design::{GaitRequest, Plan, PlanOptions, Planner, plan};
 use robot::Robot;
 use std::hint::black_box;
@@ -133,37 +134,68 @@ fn warm(robot: &Robot) {
     println!("stride_warm_iterations_mean = {:.2}", mean(&iterations));
 }
 
-/// Time to plan 7 × 5 × 7 motions, a speed ahead to a thread at a time.
+/// Time to solve a library of 7 × 5 × 7 motions, a row of yaw rates to a thread at a time.
 fn library(robot: &Robot, threads: usize) {
-    let spread = |first: f64, step: f64, count: usize| (0..count).map(move |k| first + step * k as f64);
-    let speeds: Vec<f64> = spread(-0.3, 0.15, 7).collect();
-    let (next, refused, iterations) = (AtomicUsize::new(0), AtomicUsize::new(0), AtomicUsize::new(0));
-    let row = |speed_m_s: f64| {
-        let mut planner = Planner::with_memory(robot);
-        for lateral_speed_m_s in spread(-0.2, 0.1, 5) {
-            for yaw_rate_rad_s in spread(-0.6, 0.2, 7) {
-                let request = request(robot, [speed_m_s, lateral_speed_m_s, yaw_rate_rad_s]);
-                match planner.plan(&request, &PlanOptions::default(), |_| ControlFlow::Continue(())) {
-                    Ok(plan) => drop(iterations.fetch_add(plan.gait.solver.iterations as usize, Ordering::Relaxed)),
-                    Err(why) => {
-                        eprintln!("bench_strides: refused: {request:?}: {why}");
-                        refused.fetch_add(1, Ordering::Relaxed);
-                    }
-                }
-            }
-        }
+    let axis = |field, from: f64, step: f64, count: usize| {
+        let values = (0..count).map(|k| from + step * k as f64);
+        Axis { field, values: values.collect() }
     };
+    let axes = vec![
+        axis(Field::SpeedMS, -0.3, 0.15, 7),
+        axis(Field::LateralSpeedMS, -0.2, 0.1, 5),
+        axis(Field::YawRateRadS, -0.6, 0.2, 7),
+    ];
+    let grid = Grid::new(robot, request(robot, [0.0; 3]), axes).expect("the benchmark's grid is one");
+    let (mut library, next_row) = (Library::new(robot, grid), AtomicUsize::new(0));
     let start = Instant::now();
-    std::thread::scope(|scope| {
-        for _ in 0..threads {
-            scope.spawn(|| {
-                while let Some(speed) = speeds.get(next.fetch_add(1, Ordering::Relaxed)) {
-                    row(*speed);
+    let solved = std::thread::scope(|scope| {
+        let solve = || {
+            let mut solved = Vec::new();
+            loop {
+                let row = next_row.fetch_add(1, Ordering::Relaxed);
+                if row >= library.grid().rows() {
+                    return solved;
                 }
-            });
-        }
+                library.solve_row(robot, row, |index, entry| {
+                    solved.push((index, entry));
+                    ControlFlow::Continue(())
+                });
+            }
+        };
+        let threads: Vec<_> = (0..threads).map(|_| scope.spawn(solve)).collect();
+        threads.into_iter().flat_map(|thread| thread.join().expect("no row panics")).collect::<Vec<_>>()
     });
     println!("library_7x5x7_s = {:.2}", start.elapsed().as_secs_f64());
-    println!("library_7x5x7_refused = {}", refused.into_inner());
-    println!("library_7x5x7_mean_iterations = {:.2}", iterations.into_inner() as f64 / 245.0);
+    for (index, entry) in solved {
+        library.insert(index, entry);
+    }
+    describe(robot, &library);
+}
+
+/// What the library holds, and what interpolation half way between its points breaks.
+fn describe(robot: &Robot, library: &Library) {
+    let (mut gaits, mut iterations, mut refused) = (0, 0, 0);
+    for entry in library.entries().iter().flatten() {
+        match entry {
+            Entry::Gait { iterations: i, .. } => (gaits, iterations) = (gaits + 1, iterations + i),
+            Entry::Refused(_) => refused += 1,
+            Entry::Mirror { .. } => {}
+        }
+    }
+    println!("library_7x5x7_solved = {gaits}");
+    println!("library_7x5x7_refused = {refused}");
+    println!("library_7x5x7_mean_iterations = {:.2}", f64::from(iterations) / f64::from(gaits));
+    let mut broken: Vec<(f64, String)> = Vec::new();
+    for [x, y, turn] in
+        [[-0.225, 0.05, 0.1], [0.075, 0.15, -0.3], [0.225, -0.05, 0.5], [0.375, 0.15, 0.3], [0.525, 0.05, -0.5]]
+    {
+        let found = library.find(robot, &request(robot, [x, y, turn])).expect("within the grid");
+        println!(
+            "# {x} m/s, {y} m/s, {turn} rad/s, interpolated: {} by {:.3}",
+            found.violation.name, found.violation.amount
+        );
+        broken.push((found.violation.amount, found.violation.name));
+    }
+    broken.sort_by(|a, b| a.0.total_cmp(&b.0));
+    println!("library_7x5x7_interpolated_violation_median = {:.3}", broken[broken.len() / 2].0);
 }

@@ -8,8 +8,8 @@ use crate::refine::{REFINEMENTS, finer_grid, on_grid};
 use crate::request::{GaitRequest, check_points};
 use crate::verification::BetweenPoints;
 use crate::{
-    Plan, PlanError, PlanOptions, ProgramSettings, Reference, SubproblemSolver, Tolerances, WarmStart, between_points,
-    guess, leg_length_m, not_converged, on_slope, program, program_with_offset, recompose, summary,
+    Plan, PlanError, PlanOptions, ProgramSettings, Reference, Solved, SubproblemSolver, Tolerances, WarmStart,
+    between_points, guess, leg_length_m, not_converged, on_slope, program, program_with_offset, recompose, summary,
 };
 use nlp::{Iteration, NullSpace, Solution, SqpSolver, Status};
 use robot::{Robot, RobotError};
@@ -133,7 +133,7 @@ impl DecomposedPlanner {
             recompose::fit_stance_rolls(&mut gait.coefficients_rad, &STANCE_ROLLS, &points, t);
             between = between_points(robot, request, &gait, &points);
         }
-        let warm_start = WarmStart(solution.x);
+        let warm_start = WarmStart(Solved::Decomposed(solution.x));
         Ok((Plan { gait, points, second_points: Vec::new(), warm_start, log: solution.log }, between))
     }
 
@@ -160,7 +160,10 @@ impl DecomposedPlanner {
             Some(solution) if solution.status.is_solution() || solution.status == Status::Cancelled => solution,
             _ => {
                 let Prepared { robot, program, .. } = self.prepared.last_mut().expect("just prepared");
-                let fitting = options.warm_start.clone().and_then(|WarmStart(x)| on_grid(x, program.points()));
+                let fitting = match &options.warm_start {
+                    Some(WarmStart(Solved::Decomposed(x))) => on_grid(x.clone(), program.points()),
+                    _ => None,
+                };
                 let start = match fitting {
                     Some(x) => x,
                     None => guess::nominal(robot, program, request)?,

@@ -25,13 +25,16 @@ mod refine;
 mod schedule;
 mod start;
 mod state;
+mod stride;
 mod terms;
 mod transition;
 mod variables;
 
 pub use plan::{plan_full_order, stride_start};
-pub(crate) use planning::FullOrderPlanner;
+pub(crate) use planning::{FullOrderPlanner, Program};
+pub(crate) use schedule::Steps;
 pub use state::{State, StateError};
+pub(crate) use stride::{interpolated_stride, mirrored_stride, unknowns as stride_unknowns};
 pub use transition::{Missed, Transition, TransitionError, TransitionOptions, TransitionRequest, plan_transition};
 
 use crate::Reference;
@@ -65,16 +68,17 @@ pub struct FullOrderProgram {
 }
 
 impl FullOrderProgram {
-    /// Builds the program of a step and its mirror image, or of a stride where the request takes one. `robot` is
-    /// [`crate::on_slope`]'s; the request has been validated; `limits` are the decomposed program's.
+    /// Builds the program of a step and its mirror image, or of a stride. `robot` is [`crate::on_slope`]'s; the request
+    /// has been validated; `limits` are the decomposed program's.
     pub(crate) fn new(
         robot: &Robot,
         request: &GaitRequest,
+        steps: Steps,
         settings: &ProgramSettings,
         limits: &Limits,
         reference: Reference,
     ) -> Self {
-        let schedule = Schedule::of(robot, request, settings.points);
+        let schedule = Schedule::of(robot, steps, settings.points);
         Self::over(schedule, robot, request, settings, limits, reference)
     }
 

@@ -89,9 +89,16 @@ pub enum Reference {
     InProgram,
 }
 
-/// A plan's solution, to start a like request from. It fits any request to the same robot.
+/// A plan's solution, to start a like request from. Where a request is planned by another program, it is not used.
 #[derive(Clone, Debug, PartialEq)]
-pub struct WarmStart(Vec<f64>);
+pub struct WarmStart(Solved);
+
+/// Solved unknowns, and which program's they are.
+#[derive(Clone, Debug, PartialEq)]
+enum Solved {
+    Decomposed(Vec<f64>),
+    FullOrder(full_order::Program, Vec<f64>),
+}
 
 /// How the program's convex subproblems are solved. All give the same steps.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -290,6 +297,8 @@ fn hip_distance_m(robot: &Robot) -> f64 {
 mod tests;
 #[cfg(test)]
 mod tests_edges;
+#[cfg(test)]
+mod tests_library;
 #[cfg(test)]
 mod tests_rear;
 #[cfg(test)]

@@ -3,7 +3,9 @@
 
 use crate::refine::points_of;
 use crate::request::GaitRequest;
-use crate::{Plan, PlanError, PlanOptions, ProgramSettings, WarmStart, leg_length_m, on_slope, plan, program_of};
+use crate::{
+    Plan, PlanError, PlanOptions, ProgramSettings, Solved, WarmStart, leg_length_m, on_slope, plan, program_of,
+};
 use nlp::{Iteration, Problem};
 use robot::Robot;
 use std::collections::BTreeSet;
@@ -121,8 +123,12 @@ pub fn nearest(
             if relaxed < MAX_RELAXED && go_on() { ControlFlow::Continue(()) } else { ControlFlow::Break(()) }
         };
         let planned = plan(robot, request, &options, flow);
-        let Plan { warm_start: WarmStart(x), .. } = planned.map_err(|error| given_up(error, relaxed))?;
-        limits_reached(robot, request, &options, &x)
+        let Plan { warm_start, .. } = planned.map_err(|error| given_up(error, relaxed))?;
+        match warm_start {
+            WarmStart(Solved::Decomposed(x)) => limits_reached(robot, request, &options, &x),
+            // The limits of a full-order plan are not looked at.
+            WarmStart(Solved::FullOrder(..)) => Ok(BTreeSet::new()),
+        }
     };
 
     let usual = attempt(&own).ok()?;
@@ -195,10 +201,6 @@ fn limits_reached(
 ) -> Result<BTreeSet<String>, PlanError> {
     /// How near counts as reached, as a share of the bound.
     const NEAR: f64 = 1e-3;
-    if x.is_empty() {
-        // A full-order plan: its limits are not looked at.
-        return Ok(BTreeSet::new());
-    }
     // A plan on a finer grid than asked for has more unknowns.
     let points = points_of(x.len()).unwrap_or(options.program.points);
     let settings = ProgramSettings { points, ..options.program.clone() };

@@ -57,4 +57,14 @@ impl Planner {
     ) -> Result<Solution, PlanError> {
         self.decomposed.solve(request, options, progress)
     }
+
+    /// The full-order program's over both steps of a stride, also where one and its mirror image would do.
+    pub(crate) fn solve_stride(
+        &mut self,
+        request: &GaitRequest,
+        options: &PlanOptions,
+        progress: impl FnMut(&Iteration) -> ControlFlow<()>,
+    ) -> Result<Solution, PlanError> {
+        self.full_order.solve_stride(&mut self.decomposed, request, options, progress)
+    }
 }

@@ -100,7 +100,7 @@ mod tests {
         assert!(on_grid(coarse.x.clone(), 13).is_none() && on_grid(vec![0.0; 700], 11).is_none());
         options.program.points = 21;
         let cold = Planner::new(&robot).solve(&request, &options, go_on).unwrap();
-        options.warm_start = Some(crate::WarmStart(coarse.x));
+        options.warm_start = Some(crate::WarmStart(crate::Solved::Decomposed(coarse.x)));
         let warm = Planner::new(&robot).solve(&request, &options, go_on).unwrap();
         assert!(warm.iterations() < cold.iterations(), "{} against {}", warm.iterations(), cold.iterations());
         assert!((warm.objective - cold.objective).abs() < 1e-6);

@@ -121,7 +121,7 @@ impl<P: FnMut(&Iteration) -> ControlFlow<()>> Search<P> {
                 self.best = Some((rating, request));
             }
         }
-        self.warm = (!plan.warm_start.0.is_empty()).then_some(plan.warm_start);
+        self.warm = Some(plan.warm_start);
     }
 
     fn attempt(&mut self, request: &GaitRequest, warm_start: Option<WarmStart>) -> Option<Plan> {

@@ -380,15 +380,6 @@ fn a_reference_planned_in_the_program_gives_the_planned_torques_by_the_bare_law(
 }
 
 #[test]
-fn a_library_on_a_sideways_slope_is_refused() {
-    let robot = vision60();
-    let base = GaitRequest { sideways_slope_rad: 0.1, ..as_steps("amble", &robot) };
-    let axis = library::Axis { field: library::Field::SpeedMS, values: vec![0.0, 0.3] };
-    let error = library::Grid::new(&robot, base, vec![axis]).unwrap_err().to_string();
-    assert!(error.contains("sideways slope"), "{error}");
-}
-
-#[test]
 fn between_the_points_every_plan_keeps_its_limits() {
     let robot = vision60();
     for name in behaviours() {

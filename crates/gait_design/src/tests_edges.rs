@@ -117,7 +117,8 @@ fn from_a_hundred_random_starts_of_each_gait_ninety_nine_converge() {
         for seed in 0..100 {
             let mut random = noise(seed);
             let start = nominal.iter().map(|v| v * (1.0 + 0.3 * random())).collect();
-            let options = PlanOptions { warm_start: Some(WarmStart(start)), ..PlanOptions::default() };
+            let options =
+                PlanOptions { warm_start: Some(WarmStart(crate::Solved::Decomposed(start))), ..PlanOptions::default() };
             match plan(&robot, &request, &options, go_on) {
                 Ok(plan) => {
                     converged += 1;
@@ -232,7 +233,7 @@ fn small_grid(robot: &Robot) -> Grid {
     Grid::new(robot, base, axes).unwrap()
 }
 
-fn solved(robot: &Robot, mut library: Library) -> Library {
+pub(crate) fn solved(robot: &Robot, mut library: Library) -> Library {
     let rows = library.grid().rows();
     for row in 0..rows {
         let mut found = Vec::new();

@@ -18,6 +18,7 @@ use std::time::Instant;
 /// Solve a grid of requests ahead of time, and take gaits from it
 ///
 ///   tandem library solve amble --axis clearance_m=0.06:0.15:10 --axis speed_m_s=0:0.5:100 -o vision60.gaits
+///   tandem library solve amble --axis speed_m_s=-0.3:0.6:7 --axis yaw_rate_rad_s=-0.6:0.6:7 -o driving.gaits
 ///   tandem library show vision60.gaits
 ///   tandem library gait vision60.gaits --set speed_m_s=0.33 --set clearance_m=0.1 -o gait.json
 #[derive(clap::Args)]
@@ -43,7 +44,7 @@ struct SolveArguments {
     /// gait1, gait2, gait3, gait4 or amble: gives what no axis varies
     behaviour: String,
     /// An axis: first value, last value, how many. Fields: step_duration_s, clearance_m, speed_m_s, height_m,
-    /// half_width_m, slope_rad
+    /// half_width_m, slope_rad, and for gaits that go aside or turn lateral_speed_m_s, yaw_rate_rad_s
     #[arg(long = "axis", value_name = "FIELD=FROM:TO:COUNT", required = true, value_parser = axis, allow_hyphen_values = true)]
     axes: Vec<Axis>,
     /// The library's file
@@ -190,8 +191,7 @@ fn solve(arguments: &SolveArguments) -> Result<()> {
                         break;
                     }
                     library.solve_row(robot, row, |index, entry| {
-                        let received = library.entries()[index].is_some() || sender.send((index, entry)).is_ok();
-                        if received && !stop.load(Ordering::Relaxed) {
+                        if sender.send((index, entry)).is_ok() && !stop.load(Ordering::Relaxed) {
                             ControlFlow::Continue(())
                         } else {
                             ControlFlow::Break(())
@@ -228,13 +228,18 @@ fn solve(arguments: &SolveArguments) -> Result<()> {
 }
 
 fn describe(library: &Library, file: &Path, as_json: bool) -> Result<()> {
-    let (mut gaits, mut iterations, mut refused) = (0, 0, Vec::new());
+    let (mut gaits, mut mirrored, mut iterations, mut refused) = (0, 0, 0, Vec::new());
     for (index, entry) in library.entries().iter().enumerate() {
         match entry {
             Some(Entry::Gait { iterations: i, .. }) => {
                 gaits += 1;
                 iterations += u64::from(*i);
             }
+            Some(Entry::Mirror { of }) => match &library.entries()[*of] {
+                Some(Entry::Gait { .. }) => mirrored += 1,
+                Some(Entry::Refused(why)) => refused.push((index, why)),
+                Some(Entry::Mirror { .. }) | None => {}
+            },
             Some(Entry::Refused(why)) => refused.push((index, why)),
             None => {}
         }
@@ -248,25 +253,27 @@ fn describe(library: &Library, file: &Path, as_json: bool) -> Result<()> {
         let refused = refused.iter().map(|(index, why)| {
             let r = library.grid().request(*index);
             serde_json::json!({
-                "clearance_m": r.clearance_m, "speed_m_s": r.speed_m_s, "step_duration_s": r.step_duration_s, "why": why,
+                "clearance_m": r.clearance_m, "speed_m_s": r.speed_m_s, "step_duration_s": r.step_duration_s,
+                "lateral_speed_m_s": r.lateral_speed_m_s, "yaw_rate_rad_s": r.yaw_rate_rad_s, "why": why,
             })
         });
         let each = (gaits > 0).then(|| iterations as f64 / f64::from(gaits));
         output::json(&serde_json::json!({
-            "file": file, "gaits": gaits, "missing": library.missing(), "iterations_each": each,
+            "file": file, "gaits": gaits + mirrored, "mirror_images": mirrored, "missing": library.missing(), "iterations_each": each,
             "axes": axes.collect::<Vec<_>>(), "refused": refused.collect::<Vec<_>>(),
         }))?;
         return Ok(());
     }
-    say!("{}: {gaits} gaits, {:.1} iterations each", file.display(), iterations as f64 / f64::from(gaits.max(1)))?;
+    let each = iterations as f64 / f64::from(gaits.max(1));
+    let images = if mirrored > 0 { format!(" and {mirrored} mirror images") } else { String::new() };
+    say!("{}: {gaits} gaits, {each:.1} iterations each{images}", file.display())?;
     for axis in library.grid().axes() {
         let (first, last) = (axis.values[0], axis.values[axis.values.len() - 1]);
         say!("  {:16} {} values from {first} to {last}", axis.field.name(), axis.values.len())?;
     }
     const SHOWN: usize = 5;
     for (index, why) in refused.iter().take(SHOWN) {
-        let r = library.grid().request(*index);
-        say!("  refused: clearance {} m, speed {} m/s, T {} s: {why}", r.clearance_m, r.speed_m_s, r.step_duration_s)?;
+        say!("  refused: {}: {why}", library.grid().describe(*index))?;
     }
     if refused.len() > SHOWN {
         say!("  and {} more refused", refused.len() - SHOWN)?;

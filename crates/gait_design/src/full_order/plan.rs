@@ -1,17 +1,17 @@
 //! A plan by the full-order program.
 
-use super::planning::FullOrderPlanner;
-use super::schedule::COEFFICIENTS;
+use super::planning::{FullOrderPlanner, Program};
+use super::schedule::{COEFFICIENTS, Steps};
 use super::{FullOrderProgram, start};
 use crate::certificate::certificate;
 use crate::decomposed::DecomposedPlanner;
 use crate::planar::PlanarMotion;
 use crate::request::{GaitRequest, RequestError, check_points};
 use crate::{
-    Plan, PlanError, PlanOptions, PlanPoint, Reference, WarmStart, between_points, leg_length_m, on_slope,
+    Plan, PlanError, PlanOptions, PlanPoint, Reference, Solved, WarmStart, between_points, leg_length_m, on_slope,
     program_with_offset, recompose, summary,
 };
-use gait::{Coefficients, Gait, JOINTS, SecondStep};
+use gait::{Coefficients, Gait, JOINTS, SecondStep, SolverSummary};
 use nlp::{Iteration, Solution};
 use robot::Robot;
 use std::ops::ControlFlow;
@@ -22,7 +22,6 @@ use std::ops::ControlFlow;
 /// in the program, the start is the decomposed program's solution for the same request straight ahead without that
 /// slope, if it has one, bent by what the legs' kinematics say of the turn.
 /// What is planned with such a start is checked between the points as well; the others, there to be compared, are not.
-/// `options.warm_start` has no meaning here.
 ///
 /// # Errors
 ///
@@ -53,7 +52,7 @@ pub fn stride_start(
         return Err(RequestError::OneStep.into());
     }
     let mut decomposed = DecomposedPlanner::new(robot, false);
-    let (program, start, _) = program_and_start(&mut decomposed, request, options)?;
+    let (program, start, _) = program_and_start(&mut decomposed, request, Steps::Both, options)?;
     Ok([0, 1].map(|step| program.plan_points(&start, step)))
 }
 
@@ -61,6 +60,7 @@ pub fn stride_start(
 pub(super) fn program_and_start(
     planner: &mut DecomposedPlanner,
     request: &GaitRequest,
+    steps: Steps,
     options: &PlanOptions,
 ) -> Result<(FullOrderProgram, Vec<f64>, bool), PlanError> {
     let moved = GaitRequest { sideways_slope_rad: 0.0, torso_pitch_rad: 0.0, torso_roll_rad: 0.0, ..request.clone() };
@@ -71,9 +71,13 @@ pub(super) fn program_and_start(
     // Of a decomposed program that cannot be, bounds and hips are used alone.
     let mut decomposed = program_with_offset(level_robot, &level, options.program.clone(), offset.unwrap_or_default())?;
     // Where the program differs from the decomposed one by its rear legs only, the two start alike, to be compared.
-    let alike = offset.is_some() && request.is_decomposable() && options.reference != Reference::InProgram;
+    let alike = offset.is_some()
+        && request.is_decomposable()
+        && steps == Steps::Mirrored
+        && options.reference != Reference::InProgram;
     let (settings, limits) = (&options.program, decomposed.limits());
-    let mut program = FullOrderProgram::new(&on_slope(robot, request), request, settings, limits, options.reference);
+    let mut program =
+        FullOrderProgram::new(&on_slope(robot, request), request, steps, settings, limits, options.reference);
     let mut start = match (offset, alike) {
         (None, _) => start::of_four_legs(&program, &decomposed, level_robot, &moved)?,
         (_, true) => start::of_the_guess(&program, &mut decomposed, level_robot, &level)?,
@@ -102,24 +106,25 @@ pub(super) fn program_and_start(
     Ok((program, start, alike))
 }
 
-/// What a solution comes to, and whether it keeps its limits between the points, where that is looked at. `robot` is on
-/// the slope.
-pub(super) fn plan_of(
+/// A gait without certificate, and the robot at the points of its first step and of its second, where that is planned.
+pub(super) type GaitAndPoints = (Gait, [Vec<PlanPoint>; 2]);
+
+/// The gait of a program's unknowns. `robot` is on the slope.
+pub(super) fn gait_of(
     robot: &Robot,
     request: &GaitRequest,
     options: &PlanOptions,
     program: &FullOrderProgram,
-    solution: &Solution,
-    alike: bool,
-) -> Result<(Plan, Result<(), PlanError>), PlanError> {
+    x: &[f64],
+    summary: SolverSummary,
+) -> Result<GaitAndPoints, PlanError> {
     let schedule = &program.schedule;
-    let t = solution.x[schedule.t()];
-    let summary = summary(solution);
+    let t = x[schedule.t()];
     // What is planned of a step: its points, the joints' polynomials and the reference's.
     let step = |step: usize| {
-        let points = program.plan_points(&solution.x, step);
+        let points = program.plan_points(x, step);
         let polynomials: [Coefficients; JOINTS] =
-            std::array::from_fn(|j| std::array::from_fn(|k| solution.x[schedule.alpha(step, k, j)]));
+            std::array::from_fn(|j| std::array::from_fn(|k| x[schedule.alpha(step, k, j)]));
         let (joints, reference) = if program.joints_prescribed {
             let reference = match options.reference {
                 Reference::PlannedJoints => polynomials,
@@ -140,12 +145,30 @@ pub(super) fn plan_of(
     };
     let mut gait = recompose::gait(robot, joints, t, request, &points, summary, second_step)?;
     gait.reference_coefficients_rad = reference;
+    Ok((gait, [points, second_points]))
+}
+
+/// What a solution comes to, and whether it keeps its limits between the points, where that is looked at. `robot` is on
+/// the slope.
+pub(super) fn plan_of(
+    robot: &Robot,
+    request: &GaitRequest,
+    options: &PlanOptions,
+    program: &FullOrderProgram,
+    solution: &Solution,
+    alike: bool,
+) -> Result<(Plan, Result<(), PlanError>), PlanError> {
+    let schedule = &program.schedule;
+    let (mut gait, [points, second_points]) =
+        gait_of(robot, request, options, program, &solution.x, summary(solution))?;
     gait.certificate = certificate(robot, &gait, options.reference, [&points, &second_points])?;
+    let of = Program::of(schedule, options.reference);
     if alike {
-        return Ok((plan_with(gait, [points, second_points], solution), Ok(())));
+        return Ok((plan_with(gait, [points, second_points], of, solution), Ok(())));
     }
     let mut kept = check_steps(robot, request, &gait, [&points, &second_points]);
     if kept.is_err() && program.joints_prescribed {
+        let t = gait.step_duration_s;
         recompose::fit_stance_rolls(&mut gait.coefficients_rad, &[schedule.domains[0].redundant_joint], &points, t);
         if let Some(second) = &mut gait.second_step {
             recompose::fit_stance_rolls(
@@ -163,11 +186,17 @@ pub(super) fn plan_of(
         }
         kept = check_steps(robot, request, &gait, [&points, &second_points]);
     }
-    Ok((plan_with(gait, [points, second_points], solution), kept))
+    Ok((plan_with(gait, [points, second_points], of, solution), kept))
 }
 
-fn plan_with(gait: Gait, [points, second_points]: [Vec<PlanPoint>; 2], solution: &Solution) -> Plan {
-    Plan { gait, points, second_points, warm_start: WarmStart(Vec::new()), log: solution.log.clone() }
+fn plan_with(
+    gait: Gait,
+    [points, second_points]: [Vec<PlanPoint>; 2],
+    of: Program,
+    Solution { x, log, .. }: &Solution,
+) -> Plan {
+    let warm_start = WarmStart(Solved::FullOrder(of, x.clone()));
+    Plan { gait, points, second_points, warm_start, log: log.clone() }
 }
 
 /// Between the points of a plan that is to be walked: what holds for every plan of the decomposed program has to hold

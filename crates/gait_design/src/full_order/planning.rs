@@ -2,13 +2,15 @@
 
 use super::plan::{plan_of, program_and_start};
 use super::refine::finer;
-use super::schedule::Schedule;
+use super::schedule::{Schedule, Steps};
 use super::{FullOrderProgram, order};
 use crate::decomposed::DecomposedPlanner;
 use crate::memory::Memory;
 use crate::refine::finer_grid;
 use crate::request::{GaitRequest, check_points};
-use crate::{Plan, PlanError, PlanOptions, Reference, SubproblemSolver, leg_length_m, not_converged, on_slope};
+use crate::{
+    Plan, PlanError, PlanOptions, Reference, Solved, SubproblemSolver, WarmStart, leg_length_m, not_converged, on_slope,
+};
 use nlp::{Iteration, NullSpace, Ordered, ProblemError, Solution, SqpSolver, Status, Workspace};
 use std::ops::ControlFlow;
 
@@ -26,8 +28,25 @@ pub(crate) struct FullOrderPlanner {
 /// How equalities are eliminated, for the programs that were solved last.
 struct Eliminations<const INPUTS: usize, const FREE: usize>(Vec<Ordered<INPUTS, FREE>>);
 
-/// What unknowns belong to: how many, and what the law follows.
-type Program = (usize, Reference);
+/// What a vector of unknowns belongs to.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) struct Program {
+    steps: usize,
+    /// Of all steps.
+    points: usize,
+    reference: Reference,
+}
+
+impl Program {
+    /// Of both steps of a stride with `points` each.
+    pub fn of_stride(points: usize, reference: Reference) -> Self {
+        Self { steps: 2, points: 2 * points, reference }
+    }
+
+    pub(super) fn of(schedule: &Schedule, reference: Reference) -> Self {
+        Self { steps: schedule.domains.len(), points: schedule.places().len(), reference }
+    }
+}
 
 /// Eliminations kept: of a grid and the next finer one.
 const MOST_KEPT: usize = 2;
@@ -77,6 +96,21 @@ impl FullOrderPlanner {
         Ok(plan)
     }
 
+    /// A converged solution over both steps of a stride, also where the second is the first one's mirror image.
+    pub fn solve_stride(
+        &mut self,
+        decomposed: &mut DecomposedPlanner,
+        request: &GaitRequest,
+        options: &PlanOptions,
+        progress: impl FnMut(&Iteration) -> ControlFlow<()>,
+    ) -> Result<Solution, PlanError> {
+        request.validate(leg_length_m(decomposed.robot()))?;
+        check_points(options.program.points)?;
+        let (mut program, start, _) = program_and_start(decomposed, request, Steps::Both, options)?;
+        let known = given(&program, options);
+        self.converged(&mut program, known, &start, options, progress)
+    }
+
     /// A plan on the grid asked for, from its solution on the next coarser one where there is one.
     fn plan_on_grid(
         &mut self,
@@ -84,36 +118,48 @@ impl FullOrderPlanner {
         request: &GaitRequest,
         options: &PlanOptions,
         coarse: Option<&Planned>,
-        mut progress: impl FnMut(&Iteration) -> ControlFlow<()>,
+        progress: impl FnMut(&Iteration) -> ControlFlow<()>,
     ) -> Result<Planned, PlanError> {
-        let (mut program, start, alike) = program_and_start(decomposed, request, options)?;
+        let (mut program, start, alike) = program_and_start(decomposed, request, Steps::of(request), options)?;
         let leg_length_m = leg_length_m(decomposed.robot());
-        let kind = (program.schedule.unknowns, options.reference);
-        let remembered = self.memories.iter().find(|memory| memory.0 == kind);
+        let of = Program::of(&program.schedule, options.reference);
         let known = match coarse {
             Some(coarse) => Some(finer(&coarse.schedule, &coarse.x, &program.schedule)),
-            None => remembered.and_then(|(_, memory)| memory.start(request, leg_length_m)),
+            None => {
+                let remembered = || self.memories.iter().find(|memory| memory.0 == of);
+                given(&program, options).or_else(|| remembered()?.1.start(request, leg_length_m))
+            }
         };
-        // What was known may be of no use; a request is refused on a start of its own only.
-        let from_known = known.map(|x| self.solve(&mut program, &x, options, &mut progress)).transpose()?;
-        let solution = match from_known {
-            Some(solution) if solution.status.is_solution() || solution.status == Status::Cancelled => solution,
-            _ => self.solve(&mut program, &start, options, &mut progress)?,
-        };
-        if !solution.status.is_solution() {
-            return Err(not_converged(solution));
-        }
+        let solution = self.converged(&mut program, known, &start, options, progress)?;
         let robot = &on_slope(decomposed.robot(), request);
         let (plan, kept) = plan_of(robot, request, options, &program, &solution, alike)?;
         if self.remembers {
-            self.memory(kind).keep(request, leg_length_m, &solution.x);
+            self.memory(of).keep(request, leg_length_m, &solution.x);
         }
         Ok(Planned { plan, kept, schedule: program.schedule, x: solution.x })
     }
 
-    fn memory(&mut self, kind: Program) -> &mut Memory {
-        let place = self.memories.iter().position(|memory| memory.0 == kind).unwrap_or_else(|| {
-            self.memories.push((kind, Memory::default()));
+    /// The program's solution from what is known of it, or else from a start of its own.
+    fn converged(
+        &mut self,
+        program: &mut FullOrderProgram,
+        known: Option<Vec<f64>>,
+        start: &[f64],
+        options: &PlanOptions,
+        mut progress: impl FnMut(&Iteration) -> ControlFlow<()>,
+    ) -> Result<Solution, PlanError> {
+        // What was known may be of no use; a request is refused on a start of its own only.
+        let from_known = known.map(|x| self.solve(program, &x, options, &mut progress)).transpose()?;
+        let solution = match from_known {
+            Some(solution) if solution.status.is_solution() || solution.status == Status::Cancelled => solution,
+            _ => self.solve(program, start, options, &mut progress)?,
+        };
+        if solution.status.is_solution() { Ok(solution) } else { Err(not_converged(solution)) }
+    }
+
+    fn memory(&mut self, of: Program) -> &mut Memory {
+        let place = self.memories.iter().position(|memory| memory.0 == of).unwrap_or_else(|| {
+            self.memories.push((of, Memory::default()));
             self.memories.len() - 1
         });
         &mut self.memories[place].1
@@ -152,6 +198,16 @@ impl FullOrderPlanner {
         } else {
             solver.solve_with(program, &mut NullSpace::<SHARED_FINE>::new(scale), start, workspace, progress)?
         })
+    }
+}
+
+/// The start that the options give, where it is of this program.
+fn given(program: &FullOrderProgram, options: &PlanOptions) -> Option<Vec<f64>> {
+    match &options.warm_start {
+        Some(WarmStart(Solved::FullOrder(of, x))) => {
+            (*of == Program::of(&program.schedule, options.reference)).then(|| x.clone())
+        }
+        _ => None,
     }
 }
 

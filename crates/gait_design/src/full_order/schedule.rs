@@ -26,6 +26,22 @@ pub(super) mod at {
     pub const LAMBDA: usize = U + JOINTS;
 }
 
+/// Which steps of a stride are planned.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Steps {
+    /// The first; the second is its mirror image.
+    Mirrored,
+    /// Both.
+    Both,
+}
+
+impl Steps {
+    /// What a request needs.
+    pub fn of(request: &GaitRequest) -> Self {
+        if request.is_mirrored() { Self::Mirrored } else { Self::Both }
+    }
+}
+
 /// A part of the gait with the same legs on the ground.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct Domain {
@@ -87,12 +103,12 @@ pub(super) struct Schedule {
 
 impl Schedule {
     /// One step and its mirror image, or the two steps of a stride.
-    pub fn of(robot: &Robot, request: &GaitRequest, points: usize) -> Self {
+    pub fn of(robot: &Robot, steps: Steps, points: usize) -> Self {
         let [first, second] = Self::two_steps(robot, points);
-        if request.is_mirrored() {
-            return Self::new(vec![first], Closure::Mirrored);
+        match steps {
+            Steps::Mirrored => Self::new(vec![first], Closure::Mirrored),
+            Steps::Both => Self::new(vec![first, second], Closure::Moved),
         }
-        Self::new(vec![first, second], Closure::Moved)
     }
 
     /// Two steps from a state to a state.

@@ -3,6 +3,7 @@
 
 use super::FullOrderProgram;
 use super::schedule::{COEFFICIENTS, DOF, Place, at};
+use super::stride::mirror_point;
 use crate::decomposed::DecomposedPlanner;
 use crate::guess::{self, Unreachable, swing_arc};
 use crate::planar::PlanarMotion;
@@ -12,7 +13,7 @@ use crate::{PlanOptions, SubproblemSolver, on_slope};
 use gait::{JOINTS, bezier};
 use nalgebra::{DMatrix, Vector2, Vector3};
 use rigid_body::{Data, point_kinematics, rnea};
-use robot::{Robot, mirrored_vector};
+use robot::Robot;
 use std::ops::ControlFlow;
 
 /// The decomposed program's own guess. `robot` is on the slope.
@@ -286,18 +287,7 @@ fn mirror_second_step(full: &FullOrderProgram, speed_m_s: f64, x: &mut [f64]) {
     for (first, second) in schedule.places_of(0).iter().zip(schedule.places_of(1)) {
         let first = x[schedule.columns(first)].to_vec();
         let second = &mut x[schedule.columns(second)];
-        for i in 0..DOF {
-            let (from, sign) = mirror.coordinate_source(i);
-            for block in [at::Q, at::V, at::A] {
-                second[block + i] = sign * first[block + from];
-            }
-            if i >= 6 {
-                second[at::U + i - 6] = sign * first[at::U + from - 6];
-            }
-        }
+        mirror_point(&full.robot, &first, second);
         second[at::Q] += length_m;
-        for (i, force) in second[at::LAMBDA..].iter_mut().enumerate() {
-            *force = mirrored_vector([1.0; 3])[i % 3] * first[at::LAMBDA + i];
-        }
     }
 }

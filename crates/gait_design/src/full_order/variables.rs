@@ -43,7 +43,7 @@ pub(super) fn bounds(
         bounds.push(limits.step_duration_s[side]);
         let inward = if bends { Tolerances::of(robot, request.torque_limit_nm).angle_rad } else { 0.0 };
         for place in schedule.places() {
-            bounds.extend(base(request, limits, place, side));
+            bounds.extend(base(request, schedule, limits, place, side));
             bounds.extend(range.map(|end| end - inward * outward));
             bounds.extend(limits.base_rate.map(|rate| rate * outward));
             bounds.extend((0..JOINTS).map(|j| limits.joint_rate_rad_s[j % 3] * outward));
@@ -80,12 +80,14 @@ fn coefficient_spare_rad(bends: bool, joints_prescribed: bool) -> [f64; 3] {
 }
 
 /// Bounds of the base's coordinates on one side. y and yaw are about where the motion leads.
-fn base(request: &GaitRequest, limits: &Limits, place: &Place, side: usize) -> [f64; 6] {
+fn base(request: &GaitRequest, schedule: &Schedule, limits: &Limits, place: &Place, side: usize) -> [f64; 6] {
     let (motion, t) = (PlanarMotion::of(request), place.time * request.step_duration_s);
     let outward = [-1.0, 1.0][side];
     let [y, z, roll, pitch, yaw] = limits.base[side];
-    // x is 0 at the first point: where a stride begins is free. Each step has the reach of the first.
-    let x = if place.index == 0 { 0.0 } else { limits.reach_m * (place.domain + 1) as f64 };
+    // x of a step that is mirrored is 0 at its first point: where it begins is free. Each step has the reach of the
+    // first.
+    let begins = place.index == 0 && schedule.closure == Closure::Mirrored;
+    let x = if begins { 0.0 } else { limits.reach_m * (place.domain + 1) as f64 };
     let mut bounds = [x * outward, y + motion.displacement_m(t).y, z, roll, pitch, yaw + motion.yaw_rad(t)];
     for (coordinate, angle) in leaning(request) {
         bounds[coordinate] = angle + SWAY_RAD * outward;

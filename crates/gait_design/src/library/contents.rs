@@ -3,15 +3,19 @@
 use super::error::LibraryError;
 use super::grid::Grid;
 use crate::limits::ProgramSettings;
-use crate::{PlanOptions, Planner, WarmStart};
+use crate::{GaitRequest, PlanOptions, Planner, Solved, WarmStart, full_order};
+use nlp::Iteration;
 use robot::Robot;
 use serde::{Deserialize, Serialize};
+use std::borrow::Cow;
 use std::ops::ControlFlow;
 
 /// `format` of every library file.
 pub const FORMAT: &str = "tandem-library";
-/// The one version that this software reads and writes.
+/// `version` of a library whose gaits are a step and its mirror image.
 pub const VERSION: u64 = 1;
+/// `version` of a library of strides: both steps of each are planned.
+pub const VERSION_STRIDES: u64 = 2;
 
 /// What came of one point of the grid.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -27,6 +31,11 @@ pub enum Entry {
         max_violation: f64,
         /// The program's unknowns.
         unknowns: Vec<f64>,
+    },
+    /// What came of another point, seen in the mirror.
+    Mirror {
+        /// Which point.
+        of: usize,
     },
     /// No gait, and why.
     Refused(String),
@@ -59,7 +68,7 @@ impl Library {
         let entries = vec![None; grid.points()];
         let header = Header {
             format: FORMAT.into(),
-            version: VERSION,
+            version: if grid.is_of_strides() { VERSION_STRIDES } else { VERSION },
             robot: robot.name.clone(),
             robot_crc32: description_crc32(robot),
             points: ProgramSettings::default().points,
@@ -94,46 +103,82 @@ impl Library {
         let grid = &self.header.grid;
         let length = grid.row_length();
         let fast = &grid.axes.last().expect("a grid has axes").values;
-        let mut options = PlanOptions::default();
-        options.program.points = self.header.points;
         let mut planner = Planner::new(robot);
         // The last two solved points: place along the row, unknowns.
         let mut solved: [Option<(f64, Vec<f64>)>; 2] = [None, None];
         for place in 0..length {
             let index = row * length + place;
-            let entry = if let Some(entry) = &self.entries[index] {
-                entry.clone()
-            } else {
-                let request = grid.request(index);
-                let start = continued(&solved, fast[place]);
-                let mut result = None;
-                if start.is_some() {
-                    options.warm_start = start.map(WarmStart);
-                    result = planner.solve(&request, &options, |_| ControlFlow::Continue(())).ok();
-                }
-                options.warm_start = None;
-                let result = match result {
-                    Some(solution) => Ok(solution),
-                    None => planner.solve(&request, &options, |_| ControlFlow::Continue(())),
-                };
-                let entry = match result {
-                    Ok(s) => Entry::Gait {
-                        iterations: s.iterations(),
-                        objective: s.objective,
-                        max_violation: s.worst.amount,
-                        unknowns: s.x,
-                    },
-                    Err(e) => Entry::Refused(e.to_string()),
-                };
-                if each(index, entry.clone()).is_break() {
-                    return;
-                }
-                entry
+            let entry = match (&self.entries[index], grid.mirror_of(index)) {
+                (Some(entry), _) => entry.clone(),
+                (None, Some(of)) => Entry::Mirror { of },
+                (None, None) => self.solve(&mut planner, &grid.request(index), continued(&solved, fast[place])),
             };
+            if self.entries[index].is_none() && each(index, entry.clone()).is_break() {
+                return;
+            }
             if let Entry::Gait { unknowns, .. } = entry {
                 let [_, last] = &mut solved;
                 solved = [last.take(), Some((fast[place], unknowns))];
             }
+        }
+    }
+
+    /// What comes of a request, from a start or else from none.
+    fn solve(&self, planner: &mut Planner, request: &GaitRequest, start: Option<Vec<f64>>) -> Entry {
+        let mut options = self.options();
+        let mut solve = |warm_start: Option<WarmStart>| {
+            options.warm_start = warm_start;
+            let progress = |_: &Iteration| ControlFlow::Continue(());
+            if self.header.grid.is_of_strides() {
+                planner.solve_stride(request, &options, progress)
+            } else {
+                planner.solve(request, &options, progress)
+            }
+        };
+        let from_start = start.and_then(|x| solve(Some(self.warm_start(x))).ok());
+        match from_start.map_or_else(|| solve(None), Ok) {
+            Ok(s) => Entry::Gait {
+                iterations: s.iterations(),
+                objective: s.objective,
+                max_violation: s.worst.amount,
+                unknowns: s.x,
+            },
+            Err(e) => Entry::Refused(e.to_string()),
+        }
+    }
+
+    /// How its gaits are planned.
+    pub(super) fn options(&self) -> PlanOptions {
+        let mut options = PlanOptions::default();
+        options.program.points = self.header.points;
+        options
+    }
+
+    /// Unknowns of its program, to start from.
+    pub(super) fn warm_start(&self, x: Vec<f64>) -> WarmStart {
+        if self.header.grid.is_of_strides() {
+            let of = full_order::Program::of_stride(self.header.points, self.options().reference);
+            return WarmStart(Solved::FullOrder(of, x));
+        }
+        WarmStart(Solved::Decomposed(x))
+    }
+
+    /// A point's unknowns and the iterations that they took, in the mirror where it is another's mirror image.
+    pub(super) fn unknowns(&self, robot: &Robot, index: usize) -> Result<(Cow<'_, [f64]>, u32), LibraryError> {
+        let grid = &self.header.grid;
+        let hole = |why: &str| LibraryError::Hole { at: grid.describe(index), why: why.into() };
+        match &self.entries[index] {
+            Some(Entry::Gait { unknowns, iterations, .. }) => Ok((Cow::Borrowed(unknowns), *iterations)),
+            Some(Entry::Mirror { of }) => match &self.entries[*of] {
+                Some(Entry::Gait { unknowns, iterations, .. }) => {
+                    let image = full_order::mirrored_stride(robot, &grid.request(*of), self.header.points, unknowns);
+                    Ok((Cow::Owned(image), *iterations))
+                }
+                Some(Entry::Refused(why)) => Err(hole(why)),
+                _ => Err(hole("its mirror image is not solved yet: resume `tandem library solve`")),
+            },
+            Some(Entry::Refused(why)) => Err(hole(why)),
+            None => Err(hole("it is not solved yet: resume `tandem library solve`")),
         }
     }
 

@@ -2,11 +2,12 @@
 
 use super::contents::{Entry, Header, Library};
 use super::error::LibraryError;
+use crate::full_order::stride_unknowns;
 use crate::program::layout;
 use robot::Robot;
 use serde::{Deserialize, Serialize};
 
-pub use super::contents::{FORMAT, VERSION};
+pub use super::contents::{FORMAT, VERSION, VERSION_STRIDES};
 
 /// Read before everything else, so that a file of another version is named as such.
 #[derive(Deserialize)]
@@ -67,19 +68,26 @@ impl Library {
         let json = checked(first).map_err(at(1))?;
         let beginning: Beginning =
             serde_json::from_str(json).map_err(|e| at(1)(format!("it is not a library's header: {e}")))?;
-        if beginning.format != FORMAT || beginning.version != VERSION {
+        if beginning.format != FORMAT || ![VERSION, VERSION_STRIDES].contains(&beginning.version) {
             return Err(at(1)(format!(
-                "the file is \"{}\" version {}, expected \"{FORMAT}\" version {VERSION}",
+                "the file is \"{}\" version {}, expected \"{FORMAT}\" version {VERSION} or {VERSION_STRIDES}",
                 beginning.format, beginning.version
             )));
         }
         let header: Header = serde_json::from_str(json).map_err(|e| at(1)(e.to_string()))?;
         header.grid.check()?;
+        let strides = header.grid.is_of_strides();
+        if strides != (header.version == VERSION_STRIDES) {
+            return Err(at(1)(format!(
+                "version {} does not fit its grid: {VERSION_STRIDES} is of strides, {VERSION} of a step and its mirror image",
+                header.version
+            )));
+        }
         if header.points < 5 || header.points.is_multiple_of(2) {
             return Err(at(1)(format!("points is {}, expected an odd number from 5", header.points)));
         }
         let entries = vec![None; header.grid.points()];
-        let unknowns = layout::point(header.points);
+        let unknowns = if strides { stride_unknowns(robot, header.points) } else { layout::point(header.points) };
         let mut library = Self { header, entries };
         library.check_robot(robot)?;
         for (number, line) in (2..).zip(lines) {
@@ -97,6 +105,11 @@ impl Library {
                 && (x.len() != unknowns || x.iter().any(|v| !v.is_finite()))
             {
                 return Err(at(number)(format!("{} unknowns, expected {unknowns} finite ones", x.len())));
+            }
+            if let Entry::Mirror { of } = entry
+                && library.header.grid.mirror_of(index) != Some(of)
+            {
+                return Err(at(number)(format!("gait number {index} is no mirror image of number {of}")));
             }
             *place = Some(entry);
         }

@@ -1,11 +1,10 @@
 //! The gait at a request: a grid point's own, or interpolated.
 
-use super::contents::{Entry, Library};
+use super::contents::Library;
 use super::error::LibraryError;
-use crate::limits::ProgramSettings;
 use crate::program::layout;
 use crate::request::GaitRequest;
-use crate::{WarmStart, leg_length_m, on_slope, program_of, recompose};
+use crate::{PlanError, WarmStart, full_order, leg_length_m, on_slope, program_of, recompose};
 use gait::{Gait, SolverSummary};
 use nlp::{Problem, Violation};
 use robot::Robot;
@@ -31,24 +30,40 @@ impl Library {
         request.validate(leg_length_m(robot))?;
         self.check_base(robot, request)?;
         let corners = self.corners(request)?;
-        let (x, iterations) = self.interpolated(&corners)?;
-        let robot = &on_slope(robot, request);
-        let settings = ProgramSettings { points: self.header.points, ..ProgramSettings::default() };
-        let mut program = program_of(robot, request, settings)?;
-        let mut constraints = vec![0.0; program.bounds().constraint_lower.len()];
-        let objective = program.values(&x, &mut constraints);
-        let violation = nlp::most_broken(&program, &x, &constraints);
+        let (x, iterations) = self.interpolated(robot, &corners)?;
         let summary = SolverSummary {
             status: if corners.len() == 1 { "converged" } else { "interpolated" }.into(),
             iterations,
             solve_time_s: 0.0,
-            max_violation: violation.amount,
-            objective,
+            max_violation: f64::NAN,
+            objective: f64::NAN,
         };
-        let points = recompose::points(robot, &program, &x, f64::INFINITY)?;
-        let coefficients = recompose::coefficients(&program, &x);
+        let (gait, violation) = if self.header.grid.is_of_strides() {
+            full_order::interpolated_stride(robot, request, &self.options(), &x, summary)?
+        } else {
+            self.interpolated_step(robot, request, &x, summary)?
+        };
+        Ok(Found { gait, violation, neighbours: corners, warm_start: self.warm_start(x) })
+    }
+
+    /// The gait of a decomposed program's unknowns, and which constraint they break most.
+    fn interpolated_step(
+        &self,
+        robot: &Robot,
+        request: &GaitRequest,
+        x: &[f64],
+        summary: SolverSummary,
+    ) -> Result<(Gait, Violation), PlanError> {
+        let robot = &on_slope(robot, request);
+        let mut program = program_of(robot, request, self.options().program)?;
+        let mut constraints = vec![0.0; program.bounds().constraint_lower.len()];
+        let objective = program.values(x, &mut constraints);
+        let violation = nlp::most_broken(&program, x, &constraints);
+        let summary = SolverSummary { max_violation: violation.amount, objective, ..summary };
+        let points = recompose::points(robot, &program, x, f64::INFINITY)?;
+        let coefficients = recompose::coefficients(&program, x);
         let gait = recompose::gait(robot, coefficients, x[layout::T], request, &points, summary, None)?;
-        Ok(Found { gait, violation, neighbours: corners, warm_start: WarmStart(x) })
+        Ok((gait, violation))
     }
 
     /// All that is no axis must be the base's.
@@ -96,22 +111,16 @@ impl Library {
     }
 
     /// The unknowns between the corners, and the solver's iterations where it is one corner's own gait.
-    fn interpolated(&self, corners: &[(usize, f64)]) -> Result<(Vec<f64>, u32), LibraryError> {
+    fn interpolated(&self, robot: &Robot, corners: &[(usize, f64)]) -> Result<(Vec<f64>, u32), LibraryError> {
         let (mut x, mut own_iterations) = (Vec::new(), 0);
         for &(index, share) in corners {
-            let hole = |why: String| LibraryError::Hole { at: self.header.grid.describe(index), why };
-            match &self.entries[index] {
-                Some(Entry::Gait { unknowns, iterations, .. }) => {
-                    x.resize(unknowns.len(), 0.0);
-                    for (x, u) in x.iter_mut().zip(unknowns) {
-                        *x += share * u;
-                    }
-                    if corners.len() == 1 {
-                        own_iterations = *iterations;
-                    }
-                }
-                Some(Entry::Refused(why)) => return Err(hole(why.clone())),
-                None => return Err(hole("it is not solved yet: resume `tandem library solve`".into())),
+            let (unknowns, iterations) = self.unknowns(robot, index)?;
+            x.resize(unknowns.len(), 0.0);
+            for (x, u) in x.iter_mut().zip(unknowns.iter()) {
+                *x += share * u;
+            }
+            if corners.len() == 1 {
+                own_iterations = iterations;
             }
         }
         Ok((x, own_iterations))

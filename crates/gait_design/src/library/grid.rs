@@ -25,17 +25,23 @@ pub enum Field {
     HalfWidthM,
     /// Slope along the walk, rad.
     SlopeRad,
+    /// Speed to the left, m/s.
+    LateralSpeedMS,
+    /// Yaw rate, rad/s.
+    YawRateRadS,
 }
 
 impl Field {
     /// All of them, by their names in a request.
-    pub const ALL: [(&'static str, Self); 6] = [
+    pub const ALL: [(&'static str, Self); 8] = [
         ("step_duration_s", Self::StepDurationS),
         ("clearance_m", Self::ClearanceM),
         ("speed_m_s", Self::SpeedMS),
         ("height_m", Self::HeightM),
         ("half_width_m", Self::HalfWidthM),
         ("slope_rad", Self::SlopeRad),
+        ("lateral_speed_m_s", Self::LateralSpeedMS),
+        ("yaw_rate_rad_s", Self::YawRateRadS),
     ];
 
     /// Its name in a request.
@@ -56,6 +62,8 @@ impl Field {
             Self::HeightM => &mut request.height_m,
             Self::HalfWidthM => &mut request.half_width_m,
             Self::SlopeRad => &mut request.slope_rad,
+            Self::LateralSpeedMS => &mut request.lateral_speed_m_s,
+            Self::YawRateRadS => &mut request.yaw_rate_rad_s,
         }
     }
 }
@@ -68,6 +76,15 @@ pub struct Axis {
     pub field: Field,
     /// Its values, ascending.
     pub values: Vec<f64>,
+}
+
+impl Axis {
+    /// The place of the value that is this place's but for its sign, if there is one.
+    fn opposite(&self, place: usize) -> Option<usize> {
+        let span = self.values[self.values.len() - 1] - self.values[0];
+        // Values that were spread between two ends are rounded.
+        self.values.iter().position(|value| (value + self.values[place]).abs() <= 1e-12 * span)
+    }
 }
 
 /// Requests that differ from a base in the axes' fields: every combination of the axes' values. The last axis varies
@@ -97,11 +114,6 @@ impl Grid {
 
     pub(super) fn check(&self) -> Result<(), LibraryError> {
         let wrong = |problem: String| Err(LibraryError::Grid(problem));
-        if !self.base.is_decomposable() {
-            return wrong(
-                "is on a sideways slope, leans the torso, turns or steps aside, for which the library's program does not plan: use `tandem plan`".into(),
-            );
-        }
         if self.axes.is_empty() {
             return wrong("has no axis: give at least one".into());
         }
@@ -146,16 +158,58 @@ impl Grid {
     }
 
     /// The request of a point.
-    pub fn request(&self, mut index: usize) -> GaitRequest {
+    pub fn request(&self, index: usize) -> GaitRequest {
         let mut request = self.base.clone();
-        for axis in self.axes.iter().rev() {
-            *axis.field.of(&mut request) = axis.values[index % axis.values.len()];
-            index /= axis.values.len();
+        for (axis, place) in self.axes.iter().zip(self.places(index)) {
+            *axis.field.of(&mut request) = axis.values[place];
         }
         request
     }
 
-    pub(super) fn describe(&self, index: usize) -> String {
+    /// Whether all its gaits are planned as strides, both steps of each: one of them has a second step that is no mirror
+    /// image of its first, or a torso that leans.
+    pub(super) fn is_of_strides(&self) -> bool {
+        let aside = |axis: &Axis| matches!(axis.field, Field::LateralSpeedMS | Field::YawRateRadS);
+        !self.base.is_decomposable() || self.axes.iter().any(aside)
+    }
+
+    /// The point whose gait's mirror image is this point's gait: that which goes to the left or turns to the left where
+    /// this one does so to the right.
+    pub fn mirror_of(&self, index: usize) -> Option<usize> {
+        let level = self.base.sideways_slope_rad == 0.0 && self.base.torso_roll_rad == 0.0;
+        let request = self.request(index);
+        let (lateral, yaw) = (request.lateral_speed_m_s, request.yaw_rate_rad_s);
+        let to_the_right = lateral < 0.0 || (lateral == 0.0 && yaw < 0.0);
+        if !(level && to_the_right) {
+            return None;
+        }
+        let mut mirrored = 0;
+        for (axis, place) in self.axes.iter().zip(self.places(index)) {
+            let place = match axis.field {
+                Field::LateralSpeedMS | Field::YawRateRadS => axis.opposite(place)?,
+                _ => place,
+            };
+            mirrored = mirrored * axis.values.len() + place;
+        }
+        // A value that no axis varies has no opposite in the grid.
+        let has = |field| self.axes.iter().any(|axis| axis.field == field);
+        let whole = (has(Field::LateralSpeedMS) || lateral == 0.0) && (has(Field::YawRateRadS) || yaw == 0.0);
+        (whole && mirrored != index).then_some(mirrored)
+    }
+
+    /// A point's place on every axis.
+    fn places(&self, mut index: usize) -> Vec<usize> {
+        let mut places: Vec<usize> = Vec::new();
+        for axis in self.axes.iter().rev() {
+            places.push(index % axis.values.len());
+            index /= axis.values.len();
+        }
+        places.reverse();
+        places
+    }
+
+    /// A point's values on the axes, for people.
+    pub fn describe(&self, index: usize) -> String {
         let mut request = self.request(index);
         let parts: Vec<String> =
             self.axes.iter().map(|a| format!("{} {}", a.field.name(), a.field.of(&mut request))).collect();

@@ -1,17 +1,18 @@
 //! Where a stride is and where it heads, which its closure leaves open: in axes that have moved along for half of it,
-//! the body's y and yaw are opposite to what they were at its start, as the mirror makes them. With x₂, y₂, ψ₂ at its
-//! middle switch, at time t,
+//! the body's x, y and yaw are opposite to what they were at its start, as the mirror makes y and yaw. With p₂, ψ₂ at
+//! its middle switch, at time t,
 //!
-//! > −sin(ω t) (x₂ − d_x) + cos(ω t) (y₂ − d_y) + y₁ = 0,   ψ₂ − ω t + ψ₁ = 0.
+//! > R(ω t)ᵀ (p₂ − d(t)) + p₁ = 0,   ψ₂ − ω t + ψ₁ = 0.
+//!
+//! So the mirror image of a stride is the stride of the mirrored request.
 
 use super::{At, EQUAL, Names, Place, Rows, Schedule, Term};
 use crate::full_order::schedule::at;
 use crate::planar::PlanarMotion;
 
-const Y: usize = 1;
 const YAW: usize = 5;
 
-/// Rows are y, m, and yaw, rad.
+/// Rows are x and y, m, and yaw, rad.
 pub(super) struct Centred {
     first: Place,
     middle: Place,
@@ -38,32 +39,33 @@ impl Centred {
 
 impl Term for Centred {
     fn bounds(&self) -> Vec<[f64; 2]> {
-        vec![EQUAL; 2]
+        vec![EQUAL; 3]
     }
 
     fn values(&self, at: &At, rows: &mut [f64]) {
         let [first, middle] = [self.first, self.middle].map(|place| &at.x[place.column + at::Q..]);
-        let left = self.motion.rotation(self.half_s(at)).column(1).into_owned();
-        rows[0] = first[Y] + left.dot(&self.away(at));
-        rows[1] = first[YAW] + (middle[YAW] - self.motion.yaw_rad(self.half_s(at)));
+        let away = self.motion.rotation(self.half_s(at)).tr_mul(&self.away(at));
+        rows[0] = first[0] + away.x;
+        rows[1] = first[1] + away.y;
+        rows[2] = first[YAW] + (middle[YAW] - self.motion.yaw_rad(self.half_s(at)));
     }
 
     fn derivatives(&self, at: &At, rows: &mut Rows) {
         let [first, middle] = [self.first, self.middle].map(|place| place.column + at::Q);
         let half_s = self.half_s(at);
-        let left = self.motion.rotation(half_s).column(1).into_owned();
-        rows.put(0, first + Y, 1.0);
-        rows.put(0, middle + Y, left.y);
-        rows.put(1, first + YAW, 1.0);
-        rows.put(1, middle + YAW, 1.0);
-        if self.motion.is_straight() {
-            return;
+        let turned = self.motion.rotation(half_s);
+        let turning = self.motion.rotation_rate(half_s);
+        let by_t = turning.tr_mul(&self.away(at)) - turned.tr_mul(&self.motion.velocity_m_s(half_s));
+        for row in 0..2 {
+            rows.put(row, first + row, 1.0);
+            for i in 0..2 {
+                rows.put(row, middle + i, turned[(i, row)]);
+            }
+            rows.put(row, at.t_column, by_t[row] * self.middle.time);
         }
-        let turning = self.motion.rotation_rate(half_s).column(1).into_owned();
-        let by_t = turning.dot(&self.away(at)) - left.dot(&self.motion.velocity_m_s(half_s));
-        rows.put(0, middle, left.x);
-        rows.put(0, at.t_column, by_t * self.middle.time);
-        rows.put(1, at.t_column, -self.motion.yaw_rad(self.middle.time));
+        rows.put(2, first + YAW, 1.0);
+        rows.put(2, middle + YAW, 1.0);
+        rows.put(2, at.t_column, -self.motion.yaw_rad(self.middle.time));
     }
 
     fn is_tie(&self) -> bool {
@@ -71,6 +73,6 @@ impl Term for Centred {
     }
 
     fn name(&self, row: usize, names: &Names) -> String {
-        format!("{} opposite at the two switches", names.coordinate([Y, YAW][row]))
+        format!("{} opposite at the two switches", names.coordinate([0, 1, YAW][row]))
     }
 }
