@@ -166,8 +166,8 @@ impl Grid {
         request
     }
 
-    /// Whether all its gaits are planned as strides, both steps of each: one of them has a second step that is no mirror
-    /// image of its first, or a torso that leans.
+    /// Whether all its gaits are planned as strides, both steps of each: one of them has a second step that is no
+    /// mirror image of its first, or a torso that leans.
     pub(super) fn is_of_strides(&self) -> bool {
         let aside = |axis: &Axis| matches!(axis.field, Field::LateralSpeedMS | Field::YawRateRadS);
         !self.base.is_decomposable() || self.axes.iter().any(aside)
