@@ -128,42 +128,36 @@ impl<const INPUTS: usize, const FREE: usize> Ordered<INPUTS, FREE> {
     }
 
     #[inline(always)]
-    fn reduce(&mut self, problem: &impl Problem, asked: Asked) -> Result<(), SubproblemError> {
+    fn step_of_any_width(&mut self, problem: &impl Problem, asked: Asked) -> Result<Step, SubproblemError> {
         let (numbers, structure) = (&mut self.numbers, &self.structure);
         numbers.reduce(structure, asked)?;
         numbers.assemble(structure, problem, asked, &mut self.qp);
-        Ok(())
+        self.solver.solve(&self.qp).map_err(|e| match e {
+            ArrowQpError::Infeasible { .. } => SubproblemError::Infeasible,
+            e => SubproblemError::Stopped(e.to_string()),
+        })?;
+        let step = numbers.expand(structure, &self.solver);
+        if step.iter().any(|p| !p.is_finite()) {
+            return Err(SubproblemError::Stopped("the step is not a number".into()));
+        }
+        Ok(Step { step, multipliers: None, iterations: self.solver.iterations })
     }
 
-    /// [`Self::reduce`] for processors with registers twice as wide. Without fused multiplications every sum is
-    /// rounded as it is elsewhere, so both give the same step to the bit.
+    /// [`Self::step_of_any_width`] for processors with registers twice as wide. Without fused multiplications every sum
+    /// is rounded as it is elsewhere, so both give the same step to the bit.
     #[cfg(target_arch = "x86_64")]
     #[target_feature(enable = "avx2")]
-    fn reduce_with_avx2(&mut self, problem: &impl Problem, asked: Asked) -> Result<(), SubproblemError> {
-        self.reduce(problem, asked)
+    fn step_with_avx2(&mut self, problem: &impl Problem, asked: Asked) -> Result<Step, SubproblemError> {
+        self.step_of_any_width(problem, asked)
     }
 
     fn step(&mut self, problem: &impl Problem, asked: Asked) -> Result<Step, SubproblemError> {
         #[cfg(target_arch = "x86_64")]
         if std::arch::is_x86_feature_detected!("avx2") {
             // SAFETY: this processor has the instructions that the function is compiled for.
-            unsafe { self.reduce_with_avx2(problem, asked)? };
-            return self.solve_reduced();
+            return unsafe { self.step_with_avx2(problem, asked) };
         }
-        self.reduce(problem, asked)?;
-        self.solve_reduced()
-    }
-
-    fn solve_reduced(&mut self) -> Result<Step, SubproblemError> {
-        self.solver.solve(&self.qp).map_err(|e| match e {
-            ArrowQpError::Infeasible { .. } => SubproblemError::Infeasible,
-            e => SubproblemError::Stopped(e.to_string()),
-        })?;
-        let step = self.numbers.expand(&self.structure, &self.solver);
-        if step.iter().any(|p| !p.is_finite()) {
-            return Err(SubproblemError::Stopped("the step is not a number".into()));
-        }
-        Ok(Step { step, multipliers: None, iterations: self.solver.iterations })
+        self.step_of_any_width(problem, asked)
     }
 }
 

@@ -101,6 +101,7 @@ impl<const INPUTS: usize, const FREE: usize> Numbers<INPUTS, FREE> {
     }
 
     /// The step of all variables.
+    #[inline(always)]
     pub(super) fn expand(&self, structure: &Structure, solver: &DualActiveSet<FREE>) -> Vec<f64> {
         let mut values = solver.shared;
         values[FREE - 1] = 1.0;
