@@ -20,6 +20,9 @@ use nlp::{Order, Stage};
 /// constant.
 pub(super) const INPUTS: usize = 128;
 pub(super) const FREE: usize = 72;
+/// The same from a state to a state, which is missed by unknowns of its own: 152 and 90.
+pub(super) const INPUTS_BETWEEN: usize = 160;
+pub(super) const FREE_BETWEEN: usize = 96;
 /// The same where they follow the law: 181 and 126.
 pub(super) const INPUTS_OF_THE_LAW: usize = 184;
 pub(super) const FREE_OF_THE_LAW: usize = 128;
@@ -29,7 +32,8 @@ pub(super) fn of(schedule: &Schedule, ties: Vec<usize>, joints_prescribed: bool)
     if joints_prescribed && schedule.domains.iter().any(|d| d.stance.len() != 2) {
         return None;
     }
-    let mut order = Order { inputs: vec![schedule.t()], loads: Vec::new(), stages: Vec::new(), ties };
+    let inputs = [schedule.t()].into_iter().chain(schedule.missed()).collect();
+    let mut order = Order { inputs, loads: Vec::new(), stages: Vec::new(), ties };
     for domain in 0..schedule.domains.len() {
         let along = Along { schedule, domain };
         if joints_prescribed {
@@ -111,7 +115,8 @@ impl Along<'_> {
     /// The state where the domain begins, and its polynomials' first two coefficients.
     fn begin(&self, first: &Place, order: &mut Order) {
         let state = (0..DOF).flat_map(|i| [first.column + at::Q + i, first.column + at::V + i]);
-        if self.domain == 0 {
+        let given = self.schedule.is_between();
+        if self.domain == 0 && !given {
             let body = self.left(first, at::Q).chain(self.left(first, at::V));
             order.inputs.extend(body.chain(self.prescribed().flat_map(|j| self.coefficients(j))));
             let joints = self.prescribed().flat_map(|j| [at::Q, at::V].map(|block| first.column + block + 6 + j));
@@ -119,7 +124,12 @@ impl Along<'_> {
         } else {
             order.inputs.extend(self.prescribed().flat_map(|j| self.coefficients(j).skip(2)));
             let coefficients = (0..JOINTS).flat_map(|j| self.coefficients(j).take(2));
-            order.stages.extend(state.chain(coefficients).map(one));
+            if self.domain == 0 {
+                order.inputs.extend(state);
+                order.stages.extend(coefficients.map(one));
+            } else {
+                order.stages.extend(state.chain(coefficients).map(one));
+            }
         }
     }
 

@@ -6,14 +6,17 @@ mod start;
 
 use super::FullOrderProgram;
 use super::goal;
+use super::order::{FREE_BETWEEN, INPUTS_BETWEEN};
 use super::schedule::Schedule;
 use super::state::{State, StateError};
 use crate::limits::{Limits, ProgramSettings};
 use crate::recompose::{self, PlanPoint};
 use crate::request::{GaitRequest, RequestError, check_points};
-use crate::{PlanError, PlanOptions, Reference, between_points, leg_length_m, not_converged, on_slope, summary};
+use crate::{
+    PlanError, PlanOptions, Reference, SubproblemSolver, between_points, leg_length_m, not_converged, on_slope, summary,
+};
 use gait::{Coefficients, Domain, Gait, GaitError, JOINTS, SecondStep, SolverSummary};
-use nlp::{Iteration, NullSpace, Settings, Solution, SqpSolver, Workspace};
+use nlp::{Iteration, NullSpace, Ordered, Settings, Solution, SqpSolver, Workspace};
 use robot::Robot;
 use std::ops::ControlFlow;
 
@@ -35,6 +38,8 @@ pub struct TransitionOptions {
     pub program: ProgramSettings,
     /// The solver's settings; a transition that takes many iterations is none that a robot can wait for.
     pub solver: Settings,
+    /// How the convex subproblems are solved; all give the same steps.
+    pub subproblem: SubproblemSolver,
     /// How far the steps may be longer or shorter than asked for, as a share of T.
     pub step_duration_tolerance: f64,
 }
@@ -52,6 +57,7 @@ impl Default for TransitionOptions {
             },
             // Steps that are walked once.
             solver: Settings { max_iterations: 15, objective_tolerance: 1e-6, ..options.solver },
+            subproblem: options.subproblem,
             step_duration_tolerance: 0.2,
         }
     }
@@ -257,11 +263,21 @@ fn solve(
     options: &TransitionOptions,
     progress: impl FnMut(&Iteration) -> ControlFlow<()>,
 ) -> Result<Solution, PlanError> {
-    /// Room for the unknowns that meet once the equalities are eliminated.
+    /// Room for the unknowns that meet once the equalities are eliminated without an order of their own.
     const SHARED: usize = 128;
     let (solver, scale) = (SqpSolver::new(options.solver.clone())?, options.solver.objective_scale);
-    let mut subproblem = NullSpace::<SHARED>::new(scale);
-    Ok(solver.solve_with(program, &mut subproblem, start, &mut Workspace::default(), progress)?)
+    let workspace = &mut Workspace::default();
+    let along = if options.subproblem == SubproblemSolver::Condensed { elimination(program, scale) } else { None };
+    Ok(match along {
+        Some(mut along) => solver.solve_with(program, &mut along, start, workspace, progress)?,
+        None if options.subproblem == SubproblemSolver::Sparse => solver.solve(program, start, progress)?,
+        None => solver.solve_with(program, &mut NullSpace::<SHARED>::new(scale), start, workspace, progress)?,
+    })
+}
+
+/// Along the steps.
+fn elimination(program: &FullOrderProgram, scale: f64) -> Option<Ordered<INPUTS_BETWEEN, FREE_BETWEEN>> {
+    Ordered::new(program, &program.order()?, scale)
 }
 
 /// That the solver did not converge, with what its last point misses.

@@ -72,6 +72,10 @@ impl Term for Arrival {
         }
     }
 
+    fn is_tie(&self) -> bool {
+        true
+    }
+
     fn name(&self, row: usize, names: &Names) -> String {
         format!("{} at the end", what([&self.last.stance, &self.last.swing], row, names))
     }

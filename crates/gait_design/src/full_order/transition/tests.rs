@@ -39,6 +39,30 @@ fn the_jacobian_agrees_with_central_differences() {
 }
 
 #[test]
+fn both_eliminations_find_the_same_transition() {
+    let robot = vision60();
+    let (amble, gait1) = (named(&robot, "amble"), named(&robot, "gait1"));
+    for asked in [
+        TransitionRequest::from_rest(&robot, &amble).unwrap(),
+        TransitionRequest::between(&robot, &amble, &gait1).unwrap(),
+        TransitionRequest::from_state(&robot, thrown(&robot, &amble, 0.25), &amble).unwrap(),
+    ] {
+        let [along, whole] = [SubproblemSolver::Condensed, SubproblemSolver::Eliminated].map(|subproblem| {
+            let options = TransitionOptions { subproblem, ..TransitionOptions::default() };
+            plan_transition(&robot, &asked, &options, go_on).unwrap()
+        });
+        let program = program(&robot, &asked, &TransitionOptions::default()).unwrap();
+        assert!(elimination(&program, 1e3).is_some(), "the quick one is the one that is used");
+        let [a, b] = [&along, &whole].map(|transition| transition.solver.objective);
+        assert!((a / b - 1.0).abs() < 1e-5, "{a} and {b}");
+        for (a, b) in along.points.iter().flatten().zip(whole.points.iter().flatten()) {
+            let apart = a.q.iter().zip(&b.q).fold(0.0_f64, |most, (a, b)| most.max((a - b).abs()));
+            assert!(apart < 1e-3, "{apart}");
+        }
+    }
+}
+
+#[test]
 fn a_solve_starts_with_steps_that_begin_and_end_as_asked() {
     let robot = vision60();
     let (amble, gait1) = (named(&robot, "amble"), named(&robot, "gait1"));
