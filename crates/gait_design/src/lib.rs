@@ -296,6 +296,8 @@ fn hip_distance_m(robot: &Robot) -> f64 {
 #[cfg(test)]
 mod tests;
 #[cfg(test)]
+mod tests_derivatives;
+#[cfg(test)]
 mod tests_edges;
 #[cfg(test)]
 mod tests_library;

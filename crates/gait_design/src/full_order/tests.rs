@@ -1,7 +1,8 @@
 //! The full-order program: its derivatives, and gaits that turn and step aside.
 
 use super::*;
-use crate::tests::{agrees_with_central_differences, as_steps, go_on, noise, vision60};
+use crate::tests::{as_steps, go_on, noise, vision60};
+use crate::tests_derivatives::agrees_with_central_differences;
 use crate::tests_strides::moved;
 use crate::{PlanOptions, StepLaw, between_points, guess, on_slope, program_of, simulate_planned_step};
 

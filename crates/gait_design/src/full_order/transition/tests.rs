@@ -1,7 +1,8 @@
 //! Steps from a state: their derivatives, where they begin and end, how often they are found.
 
 use super::*;
-use crate::tests::{agrees_with_central_differences, go_on, noise, vision60};
+use crate::tests::{go_on, noise, vision60};
+use crate::tests_derivatives::agrees_with_central_differences;
 use crate::{StepLaw, simulate_planned_step};
 
 fn gait_of_request(robot: &Robot, request: &GaitRequest) -> Gait {
