@@ -199,7 +199,11 @@ impl<const INPUTS: usize, const FREE: usize> Numbers<INPUTS, FREE> {
         for (factor, pattern) in self.factors.iter_mut().zip(&structure.stages) {
             factor.factorise(pattern, asked, &self.loads)?;
         }
-        self.by_inputs.resize(structure.variables, [0.0; INPUTS]);
+        if self.by_inputs.len() != structure.variables {
+            // New memory is 0 already, which filling it does not know.
+            self.by_inputs = vec![[0.0; INPUTS]; structure.variables];
+            self.by_free = vec![[0.0; FREE]; structure.variables];
+        }
         for (k, &input) in structure.inputs.iter().enumerate() {
             self.by_inputs[input] = [0.0; INPUTS];
             self.by_inputs[input][k] = 1.0;
@@ -210,7 +214,6 @@ impl<const INPUTS: usize, const FREE: usize> Numbers<INPUTS, FREE> {
         }
         let (free, inputs) = ties::solve::<INPUTS, FREE>(structure, asked, &self.by_inputs)?;
         self.free = free;
-        self.by_free.resize(structure.variables, [0.0; FREE]);
         for (&input, row) in structure.inputs.iter().zip(inputs) {
             self.by_free[input] = row;
         }

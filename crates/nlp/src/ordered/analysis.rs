@@ -88,6 +88,13 @@ enum Kind {
     All,
 }
 
+/// Empty lists, with room for as many entries as each is named.
+fn with_capacities<T>(lists: usize, named: impl Iterator<Item = usize>) -> Vec<Vec<T>> {
+    let mut counts = vec![0; lists];
+    named.for_each(|list| counts[list] += 1);
+    counts.into_iter().map(Vec::with_capacity).collect()
+}
+
 fn kinds(lower: &[f64], upper: &[f64]) -> Vec<Kind> {
     let of = |(lower, upper): (&f64, &f64)| match lower.is_finite() || upper.is_finite() {
         _ if lower == upper => Kind::OneValue,
@@ -114,7 +121,7 @@ impl Structure {
         let of = Of::new(problem, order);
         let [variables, constraints] = &of.kinds;
         let (n, m) = (variables.len(), constraints.len());
-        let mut rows: Vec<Vec<Entry>> = vec![Vec::new(); m];
+        let mut rows = with_capacities(m, of.jacobian.0.iter().map(|entry| entry.0));
         for (place, &(row, column)) in of.jacobian.0.iter().enumerate() {
             rows[row].push((column, place));
         }
@@ -205,8 +212,9 @@ impl Sorter {
         order.inputs.iter().for_each(|&input| known[input] = true);
         let mut waits: Vec<bool> = constraints.iter().map(|kind| *kind == Kind::OneValue).collect();
         order.ties.iter().for_each(|&row| waits[row] = false);
-        let mut holders = vec![Vec::new(); variables];
-        for (row, entries) in rows.iter().enumerate().filter(|(row, _)| waits[*row]) {
+        let waiting = || rows.iter().enumerate().filter(|(row, _)| waits[*row]);
+        let mut holders = with_capacities(variables, waiting().flat_map(|(_, entries)| entries).map(|e| e.0));
+        for (row, entries) in waiting() {
             entries.iter().for_each(|e| holders[e.0].push(Source::Constraint(row)));
         }
         Self { rows, left: Vec::new(), holders, known, waits: [waits, Vec::new()], place: vec![None; variables] }
@@ -248,8 +256,11 @@ impl Sorter {
             self.place[column] = Some(place);
         }
         let split = |&source: &Source| {
-            let mut row = StageRow { source, inside: Vec::new(), known: Vec::new() };
-            for &(column, number) in self.entries(source) {
+            let entries = self.entries(source);
+            let inside = entries.iter().filter(|e| self.place[e.0].is_some()).count();
+            let (inside, known) = (Vec::with_capacity(inside), Vec::with_capacity(entries.len() - inside));
+            let mut row = StageRow { source, inside, known };
+            for &(column, number) in entries {
                 match self.place[column] {
                     Some(place) => row.inside.push((place, number)),
                     None => row.known.push((column, number)),

@@ -19,6 +19,7 @@ impl<const INPUTS: usize, const FREE: usize> Numbers<INPUTS, FREE> {
     fn put_rows(&self, structure: &Structure, problem: &impl Problem, asked: Asked, qp: &mut ArrowQp<FREE>) {
         let b = problem.bounds();
         qp.rows.clear();
+        qp.rows.reserve(structure.bounded.len() + structure.inequalities.len());
         for &i in &structure.bounded {
             let mut normal = self.by_free[i];
             let offset = asked.x[i] + std::mem::take(&mut normal[FREE - 1]);
