@@ -98,6 +98,11 @@ fn does_what_it_says(place: &Place, line: &str) -> bool {
             let _ = std::fs::remove_file(place.path().join("vision60.gaits")); // another grid's is not taken up
             assert!(place.succeeds(line).contains("speed_m_s        100 values from 0 to 0.5"));
         }
+        "tandem library solve amble --axis speed_m_s=-0.3:0.6:7 --axis yaw_rate_rad_s=-0.6:0.6:7 -o driving.gaits" => {
+            assert!(place.succeeds(line).contains("28 gaits, ") && there("driving.gaits"));
+            let gait = "tandem library gait driving.gaits --set speed_m_s=0.2 --set yaw_rate_rad_s=-0.3 --solve";
+            assert!(place.succeeds(gait).contains("solved from there in"));
+        }
         "tandem library show vision60.gaits" => assert!(place.succeeds(line).contains("gaits, ")),
         "tandem library gait vision60.gaits --set speed_m_s=0.33 --set clearance_m=0.1 -o gait.json" => {
             place.succeeds(line);

@@ -161,7 +161,7 @@ fn an_order_that_does_not_fit_is_refused() {
 
 #[cfg(target_arch = "x86_64")]
 #[test]
-fn wider_registers_give_the_same_program_to_the_bit() {
+fn wider_registers_give_the_same_program_and_step_to_the_bit() {
     assert!(std::arch::is_x86_feature_detected!("avx2"), "this processor has no AVX2: there is nothing to compare");
     let problem = Chain::new(5, 3);
     let x = vec![0.1; problem.bounds.variable_lower.len()];
@@ -175,10 +175,12 @@ fn wider_registers_give_the_same_program_to_the_bit() {
     let of = |wide: bool| {
         let mut ordered = Ordered::<8, 8>::new(&problem, &problem.order(), 1.0).unwrap();
         // SAFETY: this processor has the instructions.
-        let reduced =
-            if wide { unsafe { ordered.reduce_with_avx2(&problem, asked) } } else { ordered.reduce(&problem, asked) };
-        reduced.unwrap();
-        ordered.qp
+        let step = if wide {
+            unsafe { ordered.step_with_avx2(&problem, asked) }
+        } else {
+            ordered.step_of_any_width(&problem, asked)
+        };
+        (ordered.qp, step.unwrap().step)
     };
     assert_eq!(of(false), of(true));
 }
