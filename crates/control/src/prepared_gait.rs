@@ -102,6 +102,9 @@ impl PreparedGait {
         gait.validate()?;
         gait.check_robot(&config.robot, &config.joint_names)?;
         let refuse = |field: String, problem: String| Err(GaitError::Value { gait: gait.name.clone(), field, problem });
+        if !gait.lead.is_empty() {
+            return refuse("lead".into(), "is not walked yet: load the gait without it".into());
+        }
         if !gait.solver.is_solution() {
             return refuse(
                 "solver.status".into(),
