@@ -6,6 +6,10 @@ use gait::bezier::DEGREE;
 pub const GAIT_VERSION: u32 = gait::FILE_VERSION as u32;
 pub(crate) const GAIT_VERSION_TWO_STEPS: u32 = gait::FILE_VERSION_TWO_STEPS as u32;
 
+pub(crate) const GAIT_VERSION_LEAD: u32 = gait::FILE_VERSION_LEAD as u32;
+/// The versions that the message carries.
+pub(crate) const GAIT_VERSIONS: [u32; 2] = [GAIT_VERSION, GAIT_VERSION_TWO_STEPS];
+
 /// Why a gait message was refused.
 #[derive(Debug, thiserror::Error)]
 pub enum GaitMessageError {
@@ -16,6 +20,12 @@ pub enum GaitMessageError {
     Version {
         /// What the message reports.
         found: u32,
+    },
+    /// A lead, for which the message has no field.
+    #[error("gait message: \"{gait}\" has a lead, which no message carries: load the gait's file")]
+    Lead {
+        /// The gait's name.
+        gait: String,
     },
     /// Another polynomial degree.
     #[error("gait message \"{gait}\": bezier_degree is {found}, expected {DEGREE}")]

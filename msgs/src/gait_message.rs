@@ -5,12 +5,13 @@ use gait::bezier::DEGREE;
 
 use crate::SolverReport;
 use crate::carried::{Carried, Place};
-use crate::gait_error::{GAIT_VERSION, GAIT_VERSION_TWO_STEPS, GaitMessageError};
+use crate::gait_error::{GAIT_VERSION_LEAD, GAIT_VERSION_TWO_STEPS, GAIT_VERSIONS, GaitMessageError};
 use crate::geometry_msgs::{Pose, Twist};
 use crate::std_msgs::Header;
 
-/// Defines the message and its mapping. `own` fields are the message's; then come the gait's fields, each with the
-/// fields of the message that carry it:
+/// Defines the message and its mapping. `own` fields are the message's; `not_carried` are fields of a gait that its
+/// file has and the message has not, and a gait that has them is refused by its version. Then come the gait's fields,
+/// each with the fields of the message that carry it:
 ///
 /// - `field { wire: Type }`: one field carries it.
 /// - `field: Part { wire: Type = part, … }`: a structure, whose own fields are carried; `a & b` are carried by one.
@@ -19,6 +20,7 @@ macro_rules! gait_message {
     (
         $(#[$meta:meta])*
         own { $( $(#[$own_meta:meta])* $own:ident: $own_type:ty, )+ }
+        not_carried { $( $left_out:ident ),+ }
         $( $field:ident $(: $part:ident $([$present:expr])?)? {
             $( $(#[$wire_meta:meta])* $wire:ident: $type:ty $(= $($sub:ident)&+)?, )+
         } )+
@@ -40,6 +42,7 @@ macro_rules! gait_message {
             /// The gait that is carried, its lengths checked.
             fn carried(&self) -> Result<gait::Gait, GaitMessageError> {
                 Ok(gait::Gait {
+                    $( $left_out: Default::default(), )+
                     $( $field: gait_message!(@read self, [$($part $($present)?)?], $($wire: $type $(= $($sub)&+)?),+), )+
                 })
             }
@@ -79,6 +82,8 @@ gait_message! {
         /// Version of the gait's schema.
         version: u32,
     }
+    // A field more would be another type to every program that is built with this one.
+    not_carried { lead }
     robot {
         /// The robot that the gait is for.
         robot: String,
@@ -165,12 +170,13 @@ gait_message! {
 }
 
 impl Gait {
-    /// The message of a gait. The header's stamp is the sender's to set.
+    /// The message of a gait. The header's stamp is the sender's to set. Of a gait with a lead its version says what
+    /// is missing, and [`Self::to_gait`] refuses it: such a gait goes by its file.
     #[must_use]
     pub fn from_gait(gait: &gait::Gait) -> Self {
         let mut message = Gait {
             header: Header { frame_id: "odom".to_string(), ..Header::default() },
-            version: if gait.second_step.is_some() { GAIT_VERSION_TWO_STEPS } else { GAIT_VERSION },
+            version: gait.file_version() as u32,
             ..Gait::default()
         };
         message.carry(gait);
@@ -182,7 +188,10 @@ impl Gait {
     /// # Errors
     /// Names the field, what it holds and what was expected.
     pub fn to_gait(&self) -> Result<gait::Gait, GaitMessageError> {
-        if ![GAIT_VERSION, GAIT_VERSION_TWO_STEPS].contains(&self.version) {
+        if self.version == GAIT_VERSION_LEAD {
+            return Err(GaitMessageError::Lead { gait: self.name.clone() });
+        }
+        if !GAIT_VERSIONS.contains(&self.version) {
             return Err(GaitMessageError::Version { found: self.version });
         }
         if (self.version == GAIT_VERSION_TWO_STEPS) != self.has_second_step() {
@@ -234,6 +243,7 @@ mod tests {
             coefficients_rad: joint.map(|v| [v; 6]),
             mirror: Mirror { leg: [2, 3, 0, 1], sign: [-1.0, 1.0, 1.0] },
             second_step: None,
+            lead: Vec::new(),
             initial: InitialState {
                 base_position_m: [0.01, 0.02, 0.58],
                 base_quaternion_xyzw: [0.0, 0.0, 0.6, 0.8],
@@ -274,6 +284,15 @@ mod tests {
     }
 
     #[test]
+    fn a_gait_with_a_lead_is_refused_and_never_walked_without_it() {
+        let mut gait = standing();
+        gait.lead = gait.schedule().to_vec();
+        let error = Gait::from_gait(&gait).to_gait().unwrap_err().to_string();
+        assert!(error.contains("\"standing\" has a lead"), "{error}");
+        assert!(error.contains("load the gait's file"), "{error}");
+    }
+
+    #[test]
     fn a_row_holds_one_joints_coefficients() {
         let mut gait = standing();
         gait.coefficients_rad[3][2] = 9.0;
@@ -284,7 +303,7 @@ mod tests {
     fn wrong_messages_are_refused_with_the_field_named() {
         type Break = fn(&mut Gait);
         let cases: [(&str, Break); 11] = [
-            ("version is 3, expected 1 or 2", |m| m.version = 3),
+            ("version is 4, expected 1 or 2", |m| m.version = 4),
             ("version 2 with 0 second coefficients", |m| m.version = 2),
             ("version 1 with 72 second coefficients", |m| m.second_coefficients_rad = m.coefficients_rad.clone()),
             ("second_reference_coefficients_rad has 0 entries, expected 72", |m| {

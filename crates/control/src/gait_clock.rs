@@ -1,5 +1,7 @@
 //! Time within a gait: it owns T and how fast the phase runs.
 
+use crate::prepared_gait::Instant;
+use crate::step::Step;
 use crate::{Config, JOINTS, PreparedGait};
 use gait::StepSide;
 use std::time::Duration;
@@ -8,14 +10,14 @@ use std::time::Duration;
 const SWITCH_TOLERANCE: f64 = 1e-9;
 
 /// Time within the gait. Switches lie at `start` + `base_s` + k T, so that a step that is no multiple of the control
-/// period carries its remainder over exactly, for any number of steps.
+/// period carries its remainder over exactly, for any number of steps. Where T changes, `base_s` makes up for it.
 #[derive(Clone, Copy, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(crate) struct GaitClock {
     pub start: Duration,
-    /// T of the gait now walked, s.
+    /// T of the step now walked, s.
     pub period_s: f64,
-    /// From `start` to the first instant of the gait now walked, s.
+    /// From `start` to the first instant of the gait now walked, s, as if all of its steps so far had taken `period_s`.
     pub base_s: f64,
     /// What the phase gained by running faster than 1 / T, in seconds of the gait's own time.
     pub gained_s: f64,
@@ -23,10 +25,13 @@ pub(crate) struct GaitClock {
     pub base_index: u64,
     /// Steps of the gait now walked that have ended.
     pub steps: u64,
-    /// What continuity at a change of gait asks for: old minus new plan at the switch.
+    /// What continuity at a change of gait, or at a switch of a lead, asks for: old minus new plan at the switch.
     pub offset: Option<Offset>,
     /// It began out of standing: the motion grows to the whole gait's ([`GaitClock::growth`]).
     pub grows: bool,
+    /// It began out of standing with the gait's lead.
+    #[serde(default, skip_serializing_if = "std::ops::Not::not")]
+    pub leads: bool,
 }
 
 /// A jump of the plan.
@@ -40,7 +45,10 @@ pub(crate) struct Offset {
 impl Offset {
     /// Where `new` takes over from `old` at the beginning of a step of `side`.
     pub fn between(old: &PreparedGait, new: &PreparedGait, side: StepSide) -> Self {
-        let (a, b) = (old.at(side, 0.0), new.at(side, 0.0));
+        Self::of(&old.at(side, 0.0), &new.at(side, 0.0))
+    }
+
+    fn of(a: &Instant, b: &Instant) -> Self {
         Self {
             position_rad: std::array::from_fn(|j| a.position_rad[j] - b.position_rad[j]),
             velocity_rad_s: std::array::from_fn(|j| a.velocity_rad_s[j] - b.velocity_rad_s[j]),
@@ -81,7 +89,7 @@ impl Growth {
 /// Where in a step the gait is.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Place {
-    pub side: StepSide,
+    pub step: Step,
     /// Since the last switch, in the gait's own time, s.
     pub t_s: f64,
     /// t / T.
@@ -97,7 +105,14 @@ impl GaitClock {
     /// At the gait's first instant.
     pub fn new(start: Duration, gait: &PreparedGait, grows: bool) -> Self {
         let period_s = gait.step_duration_s();
-        Self { start, period_s, base_s: 0.0, gained_s: 0.0, base_index: 0, steps: 0, offset: None, grows }
+        Self { start, period_s, base_s: 0.0, gained_s: 0.0, base_index: 0, steps: 0, offset: None, grows, leads: false }
+    }
+
+    /// At the first instant of the gait's lead, or where it has none, of the gait, grown from a share of it.
+    pub fn out_of_standing(start: Duration, gait: &PreparedGait) -> Self {
+        let leads = gait.has_lead();
+        let period_s = gait.duration_s(Step::of_walk(0, leads));
+        Self { period_s, leads, ..Self::new(start, gait, !leads) }
     }
 
     fn elapsed_s(&self, now: Duration) -> f64 {
@@ -107,6 +122,11 @@ impl GaitClock {
     /// The side of the present step. Sides go on alternating over a change of gait.
     pub fn side(&self) -> StepSide {
         StepSide::of_step(self.step_index())
+    }
+
+    /// The present step.
+    pub fn step(&self) -> Step {
+        Step::of_walk(self.step_index(), self.leads)
     }
 
     /// Steps since walking began.
@@ -130,7 +150,7 @@ impl GaitClock {
         let period_s = self.period_s;
         let t_s = (self.elapsed_s(now) - self.steps as f64 * period_s).clamp(0.0, period_s);
         Place {
-            side: self.side(),
+            step: self.step(),
             t_s,
             phase: t_s / period_s,
             period_s,
@@ -149,15 +169,32 @@ impl GaitClock {
         self.gained_s += (rate - 1.0) * dt_s;
     }
 
-    /// Follows time over switches; whether there was one.
-    pub fn follow(&mut self, now: Duration) -> bool {
+    /// Follows time over switches of `gait`; whether there was one.
+    pub fn follow(&mut self, gait: &PreparedGait, now: Duration) -> bool {
         let steps = (self.elapsed_s(now) / self.period_s + SWITCH_TOLERANCE).floor().max(0.0) as u64;
         let switched = steps != self.steps;
-        if switched {
+        if switched && self.step().is_lead() {
+            self.end_lead_step(gait);
+        } else if switched {
             self.steps = steps;
             self.offset = None;
         }
         switched
+    }
+
+    /// To the next step, which takes another time than that of the lead that ended.
+    fn end_lead_step(&mut self, gait: &PreparedGait) {
+        let ended = self.step();
+        self.steps += 1;
+        let period_s = gait.duration_s(self.step());
+        self.base_s += self.steps as f64 * (self.period_s - period_s);
+        self.period_s = period_s;
+        self.offset = Some(Offset::of(&gait.at_step(ended, 1.0), &gait.at_step(self.step(), 0.0)));
+    }
+
+    /// Whether another gait may be taken at the switch that was reached: not within a lead or what it left.
+    pub fn may_change(&self, config: &Config, now: Duration) -> bool {
+        self.growth(config, now).is_whole() && !self.step().is_lead() && self.offset.is_none()
     }
 
     /// At a switch: another gait from here on, whose plan lies `offset` from the old one's.

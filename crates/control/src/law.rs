@@ -45,8 +45,15 @@ impl Law {
     pub fn at_switch(&self, gait: &PreparedGait, place: &Place) -> ([f64; JOINTS], [f64; JOINTS]) {
         match self {
             Self::Paper => {
-                let at = grown(gait, gait.at(place.side, 0.0), place.growth);
-                (at.position_rad, at.velocity_rad_s)
+                let at = grown(gait, gait.at_step(place.step, 0.0), place.growth);
+                let left = |at: [f64; JOINTS], offset: Option<[f64; JOINTS]>| {
+                    offset.map_or(at, |offset| std::array::from_fn(|j| at[j] + offset[j]))
+                };
+                let offset = place.offset;
+                (
+                    left(at.position_rad, offset.map(|offset| offset.position_rad)),
+                    left(at.velocity_rad_s, offset.map(|offset| offset.velocity_rad_s)),
+                )
             }
             Self::Balanced(balanced) => balanced.at_switch(),
         }
@@ -55,19 +62,19 @@ impl Law {
 
 /// The plan, grown to the share that is walked, with what a change of gait left.
 fn paper(gait: &PreparedGait, place: &Place) -> JointCommand {
-    let at = grown(gait, gait.at(place.side, place.phase), place.growth);
+    let at = grown(gait, gait.at_step(place.step, place.phase), place.growth);
     let mut reference = JointCommand {
         position_rad: at.position_rad,
         velocity_rad_s: at.velocity_rad_s,
-        kp: gait.kp(place.side),
-        kd: gait.kd(place.side),
+        kp: gait.kp(place.step),
+        kd: gait.kd(place.step),
         torque_nm: at.torque_nm,
     };
     smooth_change(&mut reference, place);
     reference
 }
 
-/// Lets the jump that a change of gait made run out.
+/// Lets the jump that a change of gait made, or a switch of a lead, run out.
 pub(crate) fn smooth_change(reference: &mut JointCommand, place: &Place) {
     let duration_s = CHANGE_SHARE * place.period_s;
     let Some(offset) = place.offset.filter(|_| place.t_s < duration_s) else { return };

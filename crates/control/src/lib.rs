@@ -45,6 +45,7 @@ mod prepared_gait;
 mod progress;
 mod ramp;
 pub mod setting;
+mod step;
 mod tilted;
 mod transition;
 mod watch;
@@ -69,6 +70,7 @@ pub use law::balanced;
 pub use law::balanced::{Velocity, VelocityCommand};
 pub use memory::{Snapshot, SnapshotVersion1};
 pub use prepared_gait::{GaitName, Instant, PreparedGait};
+pub use step::Step;
 pub use tilted::Tilted;
 pub use transition::{Event, Guards, Mode, Refusal, transition};
 

@@ -7,8 +7,8 @@ use crate::lift::Lift;
 use crate::postures::{folded, posture, posture_duration_s};
 use crate::progress::Progress;
 use crate::ramp::Ramp;
+use crate::step::Step;
 use crate::{Config, Event, JOINTS, JointCommand, JointState, Mode, PreparedGait};
-use gait::StepSide;
 use std::time::Duration;
 
 /// From nearer to the standing posture than this (each joint, rad), it is gone to directly; else by way of sitting.
@@ -115,9 +115,11 @@ impl Motion {
     pub fn expected(&self, config: &Config, now: Duration) -> Expected {
         match &self.course {
             Course::None => Expected::default(),
-            Course::Gait(clock) => {
-                Expected { held: [true; JOINTS], walks: clock.growth(config, now).is_whole(), caught: false }
-            }
+            Course::Gait(clock) => Expected {
+                held: [true; JOINTS],
+                walks: clock.growth(config, now).is_whole() && !clock.step().is_lead(),
+                caught: false,
+            },
             Course::Ramp { ramp, start, .. } | Course::Lift { lift: Lift { ramp, .. }, start, .. } => {
                 let kp = ramp.at(now.saturating_sub(*start).as_secs_f64()).kp;
                 Expected { held: std::array::from_fn(|j| kp[j] >= 0.5 * config.posture_kp[j]), ..Expected::default() }
@@ -240,13 +242,15 @@ impl Motion {
     pub fn start(&mut self, config: &Config, from: JointCommand, now: Duration) {
         self.adopt_pending();
         let Some(gait) = self.gait else { return };
-        let growth = Growth { share: config.start_share, rate: 0.0 };
-        let first = grown(&gait, gait.at(StepSide::First, 0.0), growth);
+        let leads = gait.has_lead();
+        let step = Step::of_walk(0, leads);
+        let growth = if leads { Growth::WHOLE } else { Growth { share: config.start_share, rate: 0.0 } };
+        let first = grown(&gait, gait.at_step(step, 0.0), growth);
         let to = JointCommand {
             position_rad: first.position_rad,
             velocity_rad_s: first.velocity_rad_s,
-            kp: gait.kp(StepSide::First),
-            kd: gait.kd(StepSide::First),
+            kp: gait.kp(step),
+            kd: gait.kd(step),
             // Four feet carry the robot until the gait's first instant.
             torque_nm: config.stand.support_torque_nm,
         };
@@ -261,19 +265,19 @@ impl Motion {
             }
             _ => Duration::ZERO,
         };
-        self.walk(now.saturating_sub(late), true);
+        self.walk(now.saturating_sub(late), GaitClock::out_of_standing);
     }
 
     /// On the gait at its first instant.
     pub fn walk_at_once(&mut self, now: Duration) {
-        self.walk(now, false);
+        self.walk(now, |start, gait| GaitClock::new(start, gait, false));
     }
 
-    fn walk(&mut self, start: Duration, grows: bool) {
+    fn walk(&mut self, start: Duration, clock: impl Fn(Duration, &PreparedGait) -> GaitClock) {
         self.adopt_pending();
         self.step_index = 0;
         let Some(gait) = &self.gait else { return };
-        self.course = Course::Gait(GaitClock::new(start, gait, grows));
+        self.course = Course::Gait(clock(start, gait));
     }
 
     /// At a switch: all four feet are on the ground where they are to stay, so the posture of the switch is kept and
@@ -282,7 +286,7 @@ impl Motion {
         let (Some(gait), Course::Gait(clock)) = (self.gait, self.course) else {
             return;
         };
-        let side = clock.side();
+        let step = clock.step();
         let (position_rad, velocity_rad_s) = law.at_switch(&gait, &clock.place(config, now));
         let mut from = posture(config, &config.stand);
         from.position_rad = position_rad;
@@ -293,8 +297,8 @@ impl Motion {
         for j in 0..JOINTS {
             to.position_rad[j] += velocity_rad_s[j] * duration_s / 3.0;
         }
-        from.kp = gait.kp(side);
-        from.kd = gait.kd(side);
+        from.kp = gait.kp(step);
+        from.kd = gait.kd(step);
         self.ramp(config, from, to, duration_s, Then::Done, now);
     }
 
@@ -356,14 +360,14 @@ impl Motion {
 
     fn progress_gait(&mut self, mut clock: GaitClock, config: &Config, mode: Mode, now: Duration) -> Progress {
         let Some(gait) = &self.gait else { return Progress::Nothing };
-        if clock.follow(now) {
+        if clock.follow(gait, now) {
             self.course = Course::Gait(clock);
             if mode == Mode::Stopping {
                 return Progress::SwitchReached;
             }
             // What is still growing grows up first.
             if let Some(new) = self.pending
-                && clock.growth(config, now).is_whole()
+                && clock.may_change(config, now)
             {
                 let old = *gait;
                 return self.change_gait(clock, &old, &new, config);

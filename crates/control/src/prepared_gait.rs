@@ -1,8 +1,9 @@
 //! A gait made ready for the control cycle: checked against this robot, and free of anything on the heap.
 
 use crate::balance_config::BalanceConfig;
+use crate::step::{LEAD_STEPS, Step};
 use crate::{Config, JOINTS, of_leg};
-use gait::{Coefficients, Gait, GaitError, Mirror, StepSide, bezier};
+use gait::{Coefficients, Domain, Gait, GaitError, Mirror, StepSide, bezier};
 use nalgebra::Vector3;
 
 /// Phases at which a gait is checked before it is accepted.
@@ -44,6 +45,9 @@ pub struct PreparedGait {
     /// The second step's own polynomials, where it is no mirror image of the first.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     second: Option<Polynomials>,
+    /// The two steps that are walked once before the first.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    lead: Option<[LeadStep; LEAD_STEPS]>,
     kp: [f64; JOINTS],
     kd: [f64; JOINTS],
     /// Rise over run, ahead and to the left, of the ground that it is planned for.
@@ -61,6 +65,39 @@ struct Polynomials {
     planned_rad: [Coefficients; JOINTS],
     /// Reference minus plan.
     compensation_rad: [Coefficients; JOINTS],
+}
+
+/// A step of a lead, with its own duration.
+#[derive(Clone, Copy, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
+struct LeadStep {
+    duration_s: f64,
+    polynomials: Polynomials,
+}
+
+/// The two steps of a gait's lead, if it has one; else what is wrong with it.
+fn lead(gait: &Gait) -> Result<Option<[LeadStep; LEAD_STEPS]>, GaitError> {
+    let walked = |(index, domain): (usize, &Domain)| domain.stands == Step::Lead(index).side().stands();
+    if gait.lead.is_empty() {
+        return Ok(None);
+    }
+    if gait.lead.len() != LEAD_STEPS || !gait.lead.iter().enumerate().all(walked) {
+        let problem = "is none that is walked: expected two domains, rear_left and front_right standing in the first, \
+                       front_left and rear_right in the second";
+        return Err(GaitError::Value { gait: gait.name.clone(), field: "lead".into(), problem: problem.into() });
+    }
+    Ok(Some(std::array::from_fn(|index| {
+        let domain = &gait.lead[index];
+        LeadStep {
+            duration_s: domain.duration_s,
+            polynomials: Polynomials::new(&domain.planned_rad, &domain.reference_rad),
+        }
+    })))
+}
+
+impl Polynomials {
+    fn new(planned_rad: &[Coefficients; JOINTS], reference_rad: &[Coefficients; JOINTS]) -> Self {
+        Self { planned_rad: *planned_rad, compensation_rad: compensation(reference_rad, planned_rad) }
+    }
 }
 
 /// `reference` minus `planned`.
@@ -128,19 +165,35 @@ impl PreparedGait {
             planned_rad: gait.coefficients_rad,
             compensation_rad: compensation(&gait.reference_coefficients_rad, &gait.coefficients_rad),
             mirror: gait.mirror,
-            second: gait.second_step.as_ref().map(|second| Polynomials {
-                planned_rad: second.coefficients_rad,
-                compensation_rad: compensation(&second.reference_coefficients_rad, &second.coefficients_rad),
-            }),
+            second: gait
+                .second_step
+                .as_ref()
+                .map(|second| Polynomials::new(&second.coefficients_rad, &second.reference_coefficients_rad)),
+            lead: lead(gait)?,
             kp: gait.gains.kp,
             kd: gait.gains.kd,
             rise: planned_rise(gait)?,
             lateral_room_m: None,
         };
+        prepared.check_limits(gait, config)?;
+        let sharing = config.balance.as_ref().filter(|balance| balance.pairs_share_shift);
+        prepared.lateral_room_m = sharing.map(|balance| prepared.lateral_room(balance));
+        Ok(prepared)
+    }
+
+    /// The steps that are walked, the lead's first.
+    fn steps(&self) -> impl Iterator<Item = Step> {
+        let lead = (0..LEAD_STEPS).map(Step::Lead).filter(|_| self.has_lead());
+        lead.chain(StepSide::BOTH.map(Step::Cycle))
+    }
+
+    /// Whether all that is planned is within the robot's limits.
+    fn check_limits(&self, gait: &Gait, config: &Config) -> Result<(), GaitError> {
         for n in 0..CHECKED_PHASES {
             let s = n as f64 / (CHECKED_PHASES - 1) as f64;
-            for side in StepSide::BOTH {
-                let at = prepared.at(side, s);
+            for step in self.steps() {
+                let at = self.at_step(step, s);
+                let of = if step.is_lead() { "the lead's planned" } else { "planned" };
                 for j in 0..JOINTS {
                     for (what, unit, value, low, high) in [
                         ("position", "rad", at.position_rad[j], config.position_min_rad[j], config.position_max_rad[j]),
@@ -154,24 +207,26 @@ impl PreparedGait {
                         ("torque", "N m", at.torque_nm[j], -config.torque_limit_nm[j], config.torque_limit_nm[j]),
                     ] {
                         if !(low..=high).contains(&value) {
-                            return refuse(
-                                format!("planned {what} of {}", gait.joint_names[j]),
-                                format!("is {value:.4} {unit} at phase {s}, this robot allows {low} to {high}"),
-                            );
+                            return Err(GaitError::Value {
+                                gait: gait.name.clone(),
+                                field: format!("{of} {what} of {}", gait.joint_names[j]),
+                                problem: format!(
+                                    "is {value:.4} {unit} at phase {s}, this robot allows {low} to {high}"
+                                ),
+                            });
                         }
                     }
                 }
             }
         }
-        let sharing = config.balance.as_ref().filter(|balance| balance.pairs_share_shift);
-        prepared.lateral_room_m = sharing.map(|balance| prepared.lateral_room(balance));
-        Ok(prepared)
+        Ok(())
     }
 
     /// How far each toe may be shifted to either side: see the field.
     fn lateral_room(&self, balance: &BalanceConfig) -> [[f64; 2]; 4] {
         let phases = (0..=ROOM_PHASES).map(|n| n as f64 / ROOM_PHASES as f64);
-        let instants: Vec<_> = phases.flat_map(|s| StepSide::BOTH.map(|side| self.at(side, s).position_rad)).collect();
+        let instants: Vec<_> =
+            phases.flat_map(|s| self.steps().map(move |step| self.at_step(step, s).position_rad)).collect();
         std::array::from_fn(|leg| {
             let kinematics = &balance.legs[leg];
             let toes: Vec<_> = instants.iter().map(|at| kinematics.toe_m(&of_leg(at, leg))).collect();
@@ -193,14 +248,18 @@ impl PreparedGait {
         self.rise
     }
 
-    /// The gait at phase `s` ∈ [0, 1] of a step.
+    /// The gait at phase `s` ∈ [0, 1] of one of its own two steps.
     pub fn at(&self, side: StepSide, s: f64) -> Instant {
+        self.at_step(Step::Cycle(side), s)
+    }
+
+    /// The gait at phase `s` ∈ [0, 1] of a step. Does not allocate.
+    pub fn at_step(&self, step: Step, s: f64) -> Instant {
         let (value, slope) = (bezier::basis(s), bezier::basis_first_derivative(s));
-        let rate = 1.0 / self.step_duration_s;
-        let (planned_rad, compensation_rad) = match (side, &self.second) {
-            (StepSide::Mirrored, Some(second)) => (&second.planned_rad, &second.compensation_rad),
-            _ => (&self.planned_rad, &self.compensation_rad),
-        };
+        let rate = 1.0 / self.duration_s(step);
+        let own = self.own_polynomials(step);
+        let (planned_rad, compensation_rad) =
+            own.map_or((&self.planned_rad, &self.compensation_rad), |own| (&own.planned_rad, &own.compensation_rad));
         let planned: [(f64, f64); JOINTS] = std::array::from_fn(|j| {
             let c = &planned_rad[j];
             (bezier::combine(c, &value), bezier::combine(c, &slope) * rate)
@@ -210,7 +269,7 @@ impl PreparedGait {
             self.kp[j] * bezier::combine(c, &value) + self.kd[j] * bezier::combine(c, &slope) * rate
         });
         let (position_rad, velocity_rad_s) = (planned.map(|p| p.0), planned.map(|p| p.1));
-        if side == StepSide::First || self.second.is_some() {
+        if !self.is_mirror_image(step) {
             return Instant { position_rad, velocity_rad_s, torque_nm: torque };
         }
         Instant {
@@ -230,20 +289,51 @@ impl PreparedGait {
         self.step_duration_s
     }
 
-    /// Position gains in the step of `side`, N m / rad.
-    pub fn kp(&self, side: StepSide) -> [f64; JOINTS] {
-        self.gains(&self.kp, side)
+    /// How long a step takes, s: T, or the lead's own.
+    pub fn duration_s(&self, step: Step) -> f64 {
+        self.lead_step(step).map_or(self.step_duration_s, |lead| lead.duration_s)
     }
 
-    /// Velocity gains in the step of `side`, N m s / rad.
-    pub fn kd(&self, side: StepSide) -> [f64; JOINTS] {
-        self.gains(&self.kd, side)
+    /// Whether a walk out of standing begins with a lead.
+    pub fn has_lead(&self) -> bool {
+        self.lead.is_some()
     }
 
-    /// The mirrored step's torques are the first step's on the other side, and so are the gains that give them. A
-    /// second step of its own has its reference made for the joints' own gains.
-    fn gains(&self, gains: &[f64; JOINTS], side: StepSide) -> [f64; JOINTS] {
-        if side == StepSide::First || self.second.is_some() {
+    fn lead_step(&self, step: Step) -> Option<&LeadStep> {
+        match (step, &self.lead) {
+            (Step::Lead(index), Some(lead)) => lead.get(index),
+            _ => None,
+        }
+    }
+
+    /// The polynomials of a step that are not the first step's.
+    fn own_polynomials(&self, step: Step) -> Option<&Polynomials> {
+        match step {
+            Step::Lead(_) => self.lead_step(step).map(|lead| &lead.polynomials),
+            Step::Cycle(StepSide::First) => None,
+            Step::Cycle(StepSide::Mirrored) => self.second.as_ref(),
+        }
+    }
+
+    /// Whether a step is the first one's mirror image.
+    fn is_mirror_image(&self, step: Step) -> bool {
+        step.side() == StepSide::Mirrored && self.own_polynomials(step).is_none()
+    }
+
+    /// Position gains in a step, N m / rad.
+    pub fn kp(&self, step: Step) -> [f64; JOINTS] {
+        self.gains(&self.kp, step)
+    }
+
+    /// Velocity gains in a step, N m s / rad.
+    pub fn kd(&self, step: Step) -> [f64; JOINTS] {
+        self.gains(&self.kd, step)
+    }
+
+    /// The mirrored step's torques are the first step's on the other side, and so are the gains that give them. A step
+    /// of its own has its reference made for the joints' own gains.
+    fn gains(&self, gains: &[f64; JOINTS], step: Step) -> [f64; JOINTS] {
+        if !self.is_mirror_image(step) {
             return *gains;
         }
         std::array::from_fn(|j| gains[self.mirror.source(j).0])

@@ -1,11 +1,13 @@
 //! The gait file: JSON, format "tandem-gait". Version 1 is a gait whose second step mirrors the first; version 2 is
-//! version 1 and a `second_step` of its own. A gait is written in the lowest version that can carry it, so that a
-//! reader of version 1 reads every gait that it can walk, and refuses, by its version, a gait that it would walk
-//! wrongly.
+//! version 1 and a `second_step` of its own; version 3 is either and a `lead`. A gait is written in the
+//! lowest version that can carry it, so that a reader of version 1 reads every gait that it can walk, and refuses, by
+//! its version, a gait that it would walk wrongly.
 
 use crate::error::GaitError;
-use crate::types::{Gait, GaitFile, SecondStep};
-use crate::version::{FILE_FORMAT, FILE_VERSION, FILE_VERSION_TWO_STEPS, MAX_FILE_BYTES};
+use crate::types::{Gait, GaitFile};
+use crate::version::{
+    FILE_FORMAT, FILE_VERSION, FILE_VERSION_LEAD, FILE_VERSION_TWO_STEPS, FILE_VERSIONS, MAX_FILE_BYTES,
+};
 use serde::Deserialize;
 
 /// Read before everything else, so that a file of another version is named as such and not as a missing field.
@@ -15,12 +17,16 @@ struct Header {
     version: u64,
 }
 
-/// The lowest version that can carry a gait.
-fn version_of(second_step: Option<&SecondStep>) -> u64 {
-    if second_step.is_some() { FILE_VERSION_TWO_STEPS } else { FILE_VERSION }
-}
-
 impl Gait {
+    /// The lowest version of the gait file that can carry the gait.
+    pub fn file_version(&self) -> u64 {
+        match (&self.lead[..], &self.second_step) {
+            ([], None) => FILE_VERSION,
+            ([], Some(_)) => FILE_VERSION_TWO_STEPS,
+            (_, _) => FILE_VERSION_LEAD,
+        }
+    }
+
     /// Reads a gait file's text and checks every value.
     pub fn from_json(text: &str) -> Result<Self, GaitError> {
         if text.len() > MAX_FILE_BYTES {
@@ -30,29 +36,28 @@ impl Gait {
         if header.format != FILE_FORMAT {
             return Err(GaitError::Format { found: header.format });
         }
-        if ![FILE_VERSION, FILE_VERSION_TWO_STEPS].contains(&header.version) {
+        if !FILE_VERSIONS.contains(&header.version) {
             return Err(GaitError::Version { found: header.version });
         }
-        let f: GaitFile = serde_json::from_str(text)?;
-        if version_of(f.second_step.as_ref()) != header.version {
-            let has = if f.second_step.is_some() { "has" } else { "has no" };
-            return Err(GaitError::Value {
-                gait: f.name,
-                field: "second_step".into(),
-                problem: format!(
-                    "does not fit: version {} {has} second step; {FILE_VERSION_TWO_STEPS} has one, {FILE_VERSION} none",
-                    header.version
-                ),
-            });
+        let file: GaitFile = serde_json::from_str(text)?;
+        let gait = file.content();
+        if gait.file_version() != header.version {
+            let has = |is_there: bool| if is_there { "a" } else { "no" };
+            let (second, lead) = (has(gait.second_step.is_some()), has(!gait.lead.is_empty()));
+            let problem = format!(
+                "is {}, expected {}: the file has {second} second_step and {lead} lead",
+                header.version,
+                gait.file_version()
+            );
+            return Err(gait.refuse("version", problem));
         }
-        let gait = f.content();
         gait.validate()?;
         Ok(gait)
     }
 
     /// The gait file's text; the same gait gives the same bytes.
     pub fn to_json(&self) -> String {
-        let file = GaitFile::new(FILE_FORMAT.into(), version_of(self.second_step.as_ref()), self.clone());
+        let file = GaitFile::new(FILE_FORMAT.into(), self.file_version(), self.clone());
         // A number that is not finite would become null; every gait is validated, so none is left.
         serde_json::to_string_pretty(&file).expect("a gait has only strings, numbers and arrays") + "\n"
     }
@@ -62,7 +67,8 @@ impl Gait {
 mod tests {
     use super::*;
     use crate::{
-        Certificate, Coefficients, Gains, InitialState, JOINTS, MAX_NAME_CHARS, Mirror, SolverSummary, StepSide, bezier,
+        Certificate, Coefficients, Domain, Gains, InitialState, JOINTS, MAX_NAME_CHARS, Mirror, SecondStep,
+        SolverSummary, StepSide, bezier,
     };
 
     const CERTIFICATE: Certificate =
@@ -83,6 +89,7 @@ mod tests {
             coefficients_rad: rows,
             mirror: Mirror { leg: [2, 3, 0, 1], sign: [-1.0, 1.0, 1.0] },
             second_step: None,
+            lead: Vec::new(),
             initial: InitialState {
                 base_position_m: [0.0, 0.0, 0.5825],
                 base_quaternion_xyzw: [0.0, 0.0, 0.0, 1.0],
@@ -148,7 +155,7 @@ mod tests {
     #[test]
     fn another_version_is_named_before_any_missing_field() {
         let e = Gait::from_json(r#"{"format": "tandem-gait", "version": 7}"#).unwrap_err().to_string();
-        assert!(e.contains("version is 7, expected 1 or 2"), "{e}");
+        assert!(e.contains("version is 7, expected 1, 2 or 3"), "{e}");
         let e = Gait::from_json(r#"{"format": "urdf", "version": 1}"#).unwrap_err().to_string();
         assert!(e.contains("format is \"urdf\""), "{e}");
     }
@@ -174,14 +181,76 @@ mod tests {
         for (from, to, text) in [("2", "1", &text), ("1", "2", &mirrored.to_json())] {
             let text = text.replace(&format!("\"version\": {from},"), &format!("\"version\": {to},"));
             let e = Gait::from_json(&text).unwrap_err().to_string();
-            assert!(e.contains("second_step does not fit"), "{e}");
+            assert!(e.contains("version is ") && e.contains(" second_step and no lead"), "{e}");
+        }
+    }
+
+    /// Two steps of other durations than the gait's own.
+    fn with_lead() -> Gait {
+        let mut gait = standing();
+        gait.lead = gait.schedule().into_iter().map(|step| Domain { duration_s: 0.3, ..step }).collect();
+        gait
+    }
+
+    #[test]
+    fn a_lead_makes_version_3_and_comes_back() {
+        let mut gait = with_lead();
+        for second_step in [false, true] {
+            let rows = gait.coefficients_rad.map(|row| row.map(|c| c + 0.005));
+            gait.second_step =
+                second_step.then_some(SecondStep { coefficients_rad: rows, reference_coefficients_rad: rows });
+            let text = gait.to_json();
+            assert!(text.contains("\"version\": 3,"), "{text}");
+            let again = Gait::from_json(&text).unwrap();
+            assert_eq!(again, gait);
+            assert_eq!(again.to_json(), text);
+            assert!(text.contains("\"rear_left\",\n        \"front_right\""), "legs are named: {text}");
+        }
+        let text = standing().to_json().replace("\"version\": 1,", "\"version\": 3,");
+        let e = Gait::from_json(&text).unwrap_err().to_string();
+        assert!(e.contains("version is 3, expected 1: the file has no second_step and no lead"), "{e}");
+        let text = with_lead().to_json().replace("\"version\": 3,", "\"version\": 2,");
+        let e = Gait::from_json(&text).unwrap_err().to_string();
+        assert!(e.contains("version is 2, expected 3: the file has no second_step and a lead"), "{e}");
+    }
+
+    #[test]
+    fn stance_legs_that_are_unknown_or_named_twice_are_refused() {
+        let text = with_lead().to_json();
+        for (from, to, expected) in [
+            ("\"rear_left\"", "\"tail\"", "stance_legs names \"tail\", expected some of [\"front_left\""),
+            ("\"rear_left\"", "\"front_right\"", "stance_legs names front_right twice"),
+        ] {
+            let e = Gait::from_json(&text.replace(from, to)).unwrap_err().to_string();
+            assert!(e.contains(expected), "{e}");
         }
     }
 
     #[test]
     fn bad_values_are_named() {
         type Case = (&'static str, fn(&mut Gait));
-        let cases: [Case; 14] = [
+        let cases: [Case; 20] = [
+            ("lead has 9 domains, expected at most 8", |g| g.lead = vec![with_lead().lead[0].clone(); 9]),
+            ("lead[1].duration_s is 0.001, expected 0.02 to 10 s", |g| {
+                g.lead = with_lead().lead;
+                g.lead[1].duration_s = 0.001;
+            }),
+            ("lead[0].stance_legs names none", |g| {
+                g.lead = with_lead().lead;
+                g.lead[0].stands = [false; 4];
+            }),
+            ("lead[1].reference_coefficients_rad[6] is NaN", |g| {
+                g.lead = with_lead().lead;
+                g.lead[1].reference_rad[1][0] = f64::NAN;
+            }),
+            ("lead[0].coefficients_rad let joint_4 jump by 0.100 rad", |g| {
+                g.lead = with_lead().lead;
+                g.lead[0].planned_rad[4][5] += 0.1;
+            }),
+            ("lead[1].coefficients_rad let joint_4 jump by 0.100 rad", |g| {
+                g.lead = with_lead().lead;
+                g.lead[1].planned_rad[4][5] += 0.1;
+            }),
             ("certificate.landing_run_m is NaN", |g| {
                 g.certificate = Some(Certificate { landing_run_m: f64::NAN, ..CERTIFICATE });
             }),

@@ -14,6 +14,7 @@
 
 pub mod bezier;
 mod certificate;
+mod domain;
 mod error;
 mod file;
 mod schedule;
@@ -22,12 +23,13 @@ mod validate;
 mod version;
 
 pub use bezier::Coefficients;
+pub use domain::Domain;
 pub use error::GaitError;
 pub use joints::{JOINTS, JOINTS_PER_LEG, LEG_LABELS, LEG_NAMES, LEGS, Mirror};
-pub use schedule::{Domain, StepSide};
+pub use schedule::StepSide;
 pub use types::{Certificate, Gains, Gait, InitialState, SecondStep, SolverSummary};
-pub use validate::MAX_NAME_CHARS;
-pub use version::{FILE_FORMAT, FILE_VERSION, FILE_VERSION_TWO_STEPS, MAX_FILE_BYTES};
+pub use validate::{MAX_LEAD_DOMAINS, MAX_NAME_CHARS};
+pub use version::{FILE_FORMAT, FILE_VERSION, FILE_VERSION_LEAD, FILE_VERSION_TWO_STEPS, MAX_FILE_BYTES};
 
 impl Gait {
     /// What the tracking law follows at phase `s` ∈ [0, 1] of a step: positions rad, velocities rad/s. Does not
@@ -50,12 +52,7 @@ impl Gait {
         side: StepSide,
         s: f64,
     ) -> ([f64; JOINTS], [f64; JOINTS]) {
-        let (value, slope) = (bezier::basis(s), bezier::basis_first_derivative(s));
-        let at = |coefficients: &[Coefficients; JOINTS]| {
-            let position = std::array::from_fn(|j| bezier::combine(&coefficients[j], &value));
-            let velocity = std::array::from_fn(|j| bezier::combine(&coefficients[j], &slope) / self.step_duration_s);
-            (position, velocity)
-        };
+        let at = |coefficients| domain::evaluate(coefficients, self.step_duration_s, s);
         match (side, second) {
             (StepSide::First, _) => at(first),
             (StepSide::Mirrored, Some(second)) => at(second),

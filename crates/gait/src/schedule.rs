@@ -4,6 +4,7 @@
 use joints::{JOINTS, LEGS};
 
 use crate::bezier::Coefficients;
+use crate::domain::Domain;
 use crate::types::Gait;
 
 /// Which legs stand in the first step and in the second.
@@ -56,21 +57,8 @@ impl StepSide {
     }
 }
 
-/// A phase of the stride in which the same legs stand.
-#[derive(Clone, Debug, PartialEq)]
-pub struct Domain {
-    /// Which legs stand.
-    pub stands: [bool; LEGS],
-    /// How long, s.
-    pub duration_s: f64,
-    /// The planned joints' polynomials over the domain, rad.
-    pub planned_rad: [Coefficients; JOINTS],
-    /// The polynomials that the tracking law follows, rad.
-    pub reference_rad: [Coefficients; JOINTS],
-}
-
 impl Gait {
-    /// The stride's domains, in order.
+    /// The stride's domains, in order; the lead comes before them.
     pub fn schedule(&self) -> [Domain; 2] {
         StepSide::BOTH.map(|side| Domain {
             stands: side.stands(),

@@ -4,6 +4,7 @@
 use joints::{JOINTS, Mirror};
 
 use crate::bezier::Coefficients;
+use crate::domain::Domain;
 
 /// Defines a type and its file, which holds `format`, `version` and then the type's fields in their order.
 macro_rules! gait_type {
@@ -58,6 +59,9 @@ gait_type! {
         /// The next step's own polynomials, where the mirror does not give them.
         #[serde(default, skip_serializing_if = "Option::is_none")]
         second_step: Option<SecondStep>,
+        /// What is walked once before the first step, as from standing; most gaits have none.
+        #[serde(default, skip_serializing_if = "Vec::is_empty")]
+        lead: Vec<Domain>,
         /// State at the start of the first step.
         initial: InitialState,
         /// What the tracking law follows, rad: the compensated reference, which makes the bare law give the planned

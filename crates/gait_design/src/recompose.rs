@@ -150,6 +150,7 @@ pub(crate) fn gait(
         coefficients_rad,
         mirror: robot.mirror,
         second_step,
+        lead: Vec::new(),
         initial: InitialState {
             // The plan's floor is the toe centres' plane, one toe radius above the real one.
             base_position_m: [first.q[0], first.q[1], first.q[2] + robot.toe_radius_m],

@@ -53,15 +53,14 @@ fn gait(robot: &Robot) -> Gait {
 
 /// Records a whole day: arm, stand, walk, with joints that follow their commands noisily, repeated and late states.
 fn record(folder: &Path, seconds: u64) -> u64 {
-    record_from(folder, seconds, 1)
+    record_from(folder, seconds, 1, &gait(&robot()))
 }
 
 /// The same, recorded from a later cycle on.
-fn record_from(folder: &Path, seconds: u64, first: u64) -> u64 {
+fn record_from(folder: &Path, seconds: u64, first: u64, gait: &Gait) -> u64 {
     let robot = robot();
     let config = Config::for_robot(&robot);
-    let gait = gait(&robot);
-    let prepared = PreparedGait::new(&gait, &config).unwrap();
+    let prepared = PreparedGait::new(gait, &config).unwrap();
     let mut controller = Controller::new(config.clone()).unwrap();
     let info = RunInfo {
         config: &config,
@@ -104,14 +103,14 @@ fn record_from(folder: &Path, seconds: u64, first: u64) -> u64 {
         };
         let loaded = (cycle == 5).then_some(&prepared);
         if loaded.is_some() {
-            run.iter_mut().for_each(|run: &mut RunRecorder| assert!(run.gait(&gait).unwrap()));
+            run.iter_mut().for_each(|run: &mut RunRecorder| assert!(run.gait(gait).unwrap()));
         }
         let inertial = inertial(cycle, now, &mut held, &mut random);
         let input = Input { joints: Some(&state), inertial, requests, gait: loaded, ..Input::default() };
         if cycle == first {
             let mut started = start();
             if first > 5 {
-                started.gait(&gait).unwrap();
+                started.gait(gait).unwrap();
             }
             if first > 1 {
                 started.snapshot(&controller.snapshot()).unwrap();
@@ -194,7 +193,7 @@ fn a_recording_that_begins_in_the_middle_runs_again_to_the_bit() {
     // Before the gait, while standing up, while walking.
     for (number, first) in [3, 1000, 7777].into_iter().enumerate() {
         let bag = folder.path().join(number.to_string());
-        record_from(&bag, 9, first);
+        record_from(&bag, 9, first, &gait(&robot()));
         let verification = verify(&bag).unwrap();
         assert_eq!((verification.cycles, verification.different), (9001 - first, 0), "{:?}", verification.first);
         // Without the controller's memory it is refused.
@@ -202,6 +201,19 @@ fn a_recording_that_begins_in_the_middle_runs_again_to_the_bit() {
         copy(&bag, &bare, |topic, _, _| topic != "/controller_snapshot");
         let error = verify(&bare).unwrap_err().to_string();
         assert!(error.contains("does not begin with the controller's first cycle"), "{error}");
+    }
+}
+
+#[test]
+fn a_recording_of_a_walk_with_a_lead_runs_again_to_the_bit() {
+    let mut gait = gait(&robot());
+    gait.lead = gait.schedule().map(|step| gait::Domain { duration_s: 0.3, ..step }).to_vec();
+    let folder = tempfile::tempdir().unwrap();
+    for (number, first) in [3, 7777].into_iter().enumerate() {
+        let bag = folder.path().join(number.to_string());
+        record_from(&bag, 9, first, &gait);
+        let verification = verify(&bag).unwrap();
+        assert_eq!((verification.cycles, verification.different), (9001 - first, 0), "{:?}", verification.first);
     }
 }
 

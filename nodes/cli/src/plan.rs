@@ -108,10 +108,11 @@ pub struct Arguments {
     #[arg(long)]
     stability: bool,
     /// Plan the two steps from standing to the gait as well, by the full-order program: a tenth of a second. They are
-    /// reported, with --json polynomials and all; the gait file has no room for them
+    /// reported, with --json polynomials and all, and the gait file has them as its lead, which is walked once before
+    /// the first step
     #[arg(long, conflicts_with = "table")]
     from_rest: bool,
-    /// The two steps from the gait to standing, alike
+    /// The two steps from the gait to standing; reported alone, the gait file has no room for them
     #[arg(long, conflicts_with = "table")]
     to_rest: bool,
     /// Print one JSON object for each gait instead of text
@@ -179,7 +180,9 @@ pub fn run(arguments: &Arguments) -> Result<ExitCode> {
 /// Plans one gait, writes it and reports it. Whether the model follows it.
 fn one(arguments: &Arguments, robot: &robot::Robot, name: &str, file: Option<&Path>) -> Result<bool> {
     let request = arguments.request(name, robot)?;
-    let plan = timed(robot, &request, arguments, arguments.verbose)?;
+    let mut plan = timed(robot, &request, arguments, arguments.verbose)?;
+    let rest = transition::of_rest(robot, &plan.gait, arguments.from_rest, arguments.to_rest)?;
+    transition::lead(&mut plan.gait, &rest)?;
     // What was left open is chosen.
     let request: GaitRequest = serde_json::from_value(plan.gait.request.clone()).context("the gait's request")?;
     let solver = &plan.gait.solver;
@@ -190,7 +193,6 @@ fn one(arguments: &Arguments, robot: &robot::Robot, name: &str, file: Option<&Pa
     let plot = arguments.plot.as_deref();
     let verified = if arguments.verify { Some(verify::verify(robot, &request, &plan, law, plot)?) } else { None };
     let stable = if arguments.stability { Some(Stable::of(robot, &request, &plan)?) } else { None };
-    let rest = transition::of_rest(robot, &plan.gait, arguments.from_rest, arguments.to_rest)?;
     if arguments.json {
         let mut reported = serde_json::json!({
             "gait": name, "iterations": solver.iterations, "solve_time_s": solver.solve_time_s, "cost": solver.objective,

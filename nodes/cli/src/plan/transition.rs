@@ -9,6 +9,8 @@ use std::time::Instant;
 /// Two planned steps between standing and a gait.
 pub struct FromOrToRest {
     what: &'static str,
+    /// They lead from standing to the gait.
+    leads: bool,
     transition: Transition,
     time_s: f64,
 }
@@ -16,10 +18,10 @@ pub struct FromOrToRest {
 /// The steps that are asked for, in the order in which they are walked.
 pub fn of_rest(robot: &robot::Robot, gait: &gait::Gait, from: bool, to: bool) -> Result<Vec<FromOrToRest>> {
     type Asked = fn(&robot::Robot, &gait::Gait) -> Result<TransitionRequest, gait_design::PlanError>;
-    let asked: [(bool, &'static str, Asked); 2] =
-        [(from, "from rest", TransitionRequest::from_rest), (to, "to rest", TransitionRequest::to_rest)];
+    let asked: [(bool, &'static str, bool, Asked); 2] =
+        [(from, "from rest", true, TransitionRequest::from_rest), (to, "to rest", false, TransitionRequest::to_rest)];
     let wanted = asked.into_iter().filter(|(wanted, ..)| *wanted);
-    let plan = |(_, what, request): (bool, &'static str, Asked)| {
+    let plan = |(_, what, leads, request): (bool, &'static str, bool, Asked)| {
         let start = Instant::now();
         let transition = request(robot, gait)
             .map_err(TransitionError::from)
@@ -27,9 +29,18 @@ pub fn of_rest(robot: &robot::Robot, gait: &gait::Gait, from: bool, to: bool) ->
                 plan_transition(robot, &request, &TransitionOptions::default(), |_| ControlFlow::Continue(()))
             })
             .with_context(|| format!("cannot plan the steps {what} for {}", gait.name))?;
-        Ok(FromOrToRest { what, transition, time_s: start.elapsed().as_secs_f64() })
+        Ok(FromOrToRest { what, leads, transition, time_s: start.elapsed().as_secs_f64() })
     };
     wanted.map(plan).collect()
+}
+
+/// Gives a gait the steps from standing as its lead, where they are among those planned.
+pub fn lead(gait: &mut gait::Gait, planned: &[FromOrToRest]) -> Result<()> {
+    if let Some(from_rest) = planned.iter().find(|steps| steps.leads) {
+        gait.lead = from_rest.transition.steps.to_vec();
+        gait.validate().context("the planned steps from standing do not lead into the gait")?;
+    }
+    Ok(())
 }
 
 impl FromOrToRest {

@@ -15,6 +15,7 @@ pub(crate) use reference::swings;
 pub(crate) use walk::{Balanced, Trouble};
 
 use crate::prepared_gait::Instant;
+use crate::step::Step;
 use crate::{JOINTS, PreparedGait, of_leg};
 use drive::{Drive, wrapped};
 use estimator::Estimator;
@@ -63,6 +64,9 @@ pub struct Balance {
     ground: Ground,
     /// Steps that have ended.
     steps: u64,
+    /// The walk began with the gait's lead.
+    #[serde(default, skip_serializing_if = "std::ops::Not::not")]
+    leads: bool,
     phase: f64,
     /// dphase/dt, 1/s, and the most that the joints' velocities allow.
     rate_s: f64,
@@ -105,6 +109,7 @@ impl Balance {
             drive: Drive::new(&Velocity::default(), cycle.estimate),
             ground: Ground::default(),
             steps: 0,
+            leads: !moving && cycle.gait.has_lead(),
             phase: 0.0,
             rate_s: 0.0,
             fastest_s: f64::MAX,
@@ -123,26 +128,28 @@ impl Balance {
         balance
     }
 
-    /// Takes over what follows from a gait: at the start, and at a switch to another.
+    /// Takes over what follows from a gait, or from its lead: at the start, and at a switch to another.
     pub fn adopt(&mut self, cycle: &Cycle) {
         let (config, gait) = (cycle.config, cycle.gait);
         let toe =
-            |side: StepSide, s: f64, leg: usize| config.legs[leg].toe_m(&of_leg(&gait.at(side, s).position_rad, leg));
-        self.height_m =
-            (0..4).map(|leg| config.legs[leg].hip_m().z - toe(StepSide::First, 0.0, leg).z).sum::<f64>() / 4.0;
+            |step: Step, s: f64, leg: usize| config.legs[leg].toe_m(&of_leg(&gait.at_step(step, s).position_rad, leg));
+        let leads = self.present_step().is_lead();
+        let steps = [0, 1].map(|index| Step::of_walk(index, leads));
+        self.height_m = (0..4).map(|leg| config.legs[leg].hip_m().z - toe(steps[0], 0.0, leg).z).sum::<f64>() / 4.0;
         // Stance toes go back as the body goes ahead, and turn the other way; two steps undo each other's sway.
         let (mut moved, mut turned_rad) = (Vector3::zeros(), 0.0);
-        for side in StepSide::BOTH {
-            let [begins, ends] = [0.0, 1.0].map(|s| standing(side).map(|leg| toe(side, s, leg)));
+        for step in steps {
+            let [begins, ends] = [0.0, 1.0].map(|s| standing(step.side()).map(|leg| toe(step, s, leg)));
             moved += ends[0] + ends[1] - begins[0] - begins[1];
             let [begun_rad, ended_rad] = [begins, ends].map(|[one, other]| (one - other).y.atan2((one - other).x));
             turned_rad -= wrapped(ended_rad - begun_rad);
         }
-        self.own_velocity = (-moved.xy() / (4.0 * gait.step_duration_s())).into();
-        self.own_yaw_rad_s = turned_rad / (2.0 * gait.step_duration_s());
-        let [a, b] = StepSide::BOTH.map(|side| gait.at(side, 0.0).position_rad);
+        let mean_s = 0.5 * (gait.duration_s(steps[0]) + gait.duration_s(steps[1]));
+        self.own_velocity = (-moved.xy() / (4.0 * mean_s)).into();
+        self.own_yaw_rad_s = turned_rad / (2.0 * mean_s);
+        let [a, b] = steps.map(|step| gait.at_step(step, 0.0).position_rad);
         self.middle_rad = std::array::from_fn(|j| 0.5 * (a[j] + b[j]));
-        self.rate_s = 1.0 / gait.step_duration_s();
+        self.rate_s = 1.0 / gait.duration_s(self.present_step());
         self.fastest_s = f64::MAX;
     }
 
@@ -159,6 +166,10 @@ impl Balance {
     /// The side of the step that is walked.
     pub fn side(&self) -> StepSide {
         StepSide::of_step(self.steps)
+    }
+
+    fn present_step(&self) -> Step {
+        Step::of_walk(self.steps, self.leads)
     }
 
     /// The gait's own velocity, m/s: what is walked where nothing else is asked for.
@@ -192,7 +203,7 @@ impl Balance {
         self.phase = (self.phase - 1.0).min(self.rate_s * cycle.dt_s);
         let ended_rad = self.ended_rad(cycle);
         self.switch(cycle, ended_rad);
-        self.steps += 1;
+        self.count(cycle, self.steps + 1);
         true
     }
 
@@ -203,9 +214,18 @@ impl Balance {
         if switched {
             let ended_rad = self.ended_rad(cycle);
             self.switch(cycle, ended_rad);
-            self.steps = steps;
+            self.count(cycle, steps);
         }
         switched
+    }
+
+    /// So many steps have ended: the last of them may have been the lead's.
+    fn count(&mut self, cycle: &Cycle, steps: u64) {
+        let led = self.present_step().is_lead();
+        self.steps = steps;
+        if led && !self.present_step().is_lead() {
+            self.adopt(cycle);
+        }
     }
 
     /// Follows it over a switch at which another gait, the cycle's, was taken up: `ended_rad` was asked for before.
@@ -255,7 +275,7 @@ impl Balance {
         });
         // It is in the reference as kp⁻¹ times itself, and so its rate is in the law, as the plan's own torque has it.
         let (carried, carried_after) = (shape.carried_nm(&now, &at), shape.carried_nm(&next, &after));
-        let (kp, kd) = (cycle.gait.kp(self.side()), cycle.gait.kd(self.side()));
+        let (kp, kd) = (cycle.gait.kp(self.present_step()), cycle.gait.kd(self.present_step()));
         let lead: [f64; JOINTS] = std::array::from_fn(|j| kd[j] / kp[j] * self.rate_s / STEP);
         self.fastest_s = (0..JOINTS).fold(f64::MAX, |least, j| {
             least.min(VELOCITY_SHARE * cycle.velocity_limit_rad_s[j] / change[j].abs().max(1e-9))
@@ -275,7 +295,7 @@ impl Balance {
         Shape {
             config: cycle.config,
             gait: cycle.gait,
-            side: self.side(),
+            step: self.present_step(),
             driven: self.drive.driven(cycle.config),
             own_velocity: Vector2::from(self.own_velocity) * cycle.share,
             own_yaw_rad_s: self.own_yaw_rad_s * cycle.share,
@@ -297,7 +317,8 @@ impl Balance {
         let mean = |toes: [Vector3<f64>; 2]| -0.5 * (toes[0] + toes[1]).xy();
         let center = mean(measured);
         let planned = mean(pair.map(|leg| now.toes_m[leg]));
-        let rate = (mean(pair.map(|leg| next.toes_m[leg])) - planned) / (STEP * cycle.gait.step_duration_s());
+        let rate =
+            (mean(pair.map(|leg| next.toes_m[leg])) - planned) / (STEP * cycle.gait.duration_s(self.present_step()));
         let turning = shape.driven.yaw_rad_s;
         let planned_velocity = rate + turning * Vector2::new(-planned.y, planned.x);
         let rotation = cycle.estimate.rotation();
@@ -318,7 +339,7 @@ impl Balance {
     fn place(&mut self, cycle: &Cycle, error: &Error) -> Vector2<f64> {
         let config = cycle.config;
         let lambda = self.lambda_s(cycle);
-        let period_s = cycle.gait.step_duration_s();
+        let period_s = cycle.gait.duration_s(self.present_step());
         let (across, along) = (error.whole.dot(&error.across), error.whole.dot(&error.along));
         let left = 1.0 - self.phase;
         let own_s = 1.0 / period_s;

@@ -3,6 +3,7 @@
 use super::BalanceConfig;
 use super::drive::Driven;
 use super::ground::{Frames, Ground, up_on};
+use crate::step::Step;
 use crate::{JOINTS, PreparedGait, of_leg};
 use gait::StepSide;
 use nalgebra::{Vector2, Vector3};
@@ -49,7 +50,7 @@ pub(super) struct Placed {
 pub(super) struct Shape<'a> {
     pub config: &'a BalanceConfig,
     pub gait: &'a PreparedGait,
-    pub side: StepSide,
+    pub step: Step,
     pub driven: Driven,
     /// The gait's own velocity, m/s.
     pub own_velocity: Vector2<f64>,
@@ -66,14 +67,14 @@ pub(super) struct Shape<'a> {
 impl Shape<'_> {
     /// Stance toes move as one rigid body, so that none slips; swing toes go between where that begins and ends.
     pub fn planned(&self, s: f64) -> Planned {
-        let at = self.gait.at(self.side, s);
+        let at = self.gait.at_step(self.step, s);
         let joints_rad = if self.share >= 1.0 {
             at.position_rad
         } else {
             std::array::from_fn(|j| self.middle_rad[j] + self.share * (at.position_rad[j] - self.middle_rad[j]))
         };
-        let swings = swings(self.side);
-        let period_s = self.gait.step_duration_s();
+        let swings = swings(self.step.side());
+        let period_s = self.gait.duration_s(self.step);
         let beyond = self.driven.velocity - self.own_velocity;
         let turning_beyond = self.driven.yaw_rad_s - self.own_yaw_rad_s;
         let toes_m = std::array::from_fn(|leg| {
@@ -90,7 +91,7 @@ impl Shape<'_> {
 
     /// Joints for the toes, offset, placed by `placement` where they swing, shifted on a slope, and levelled.
     pub fn placed(&self, s: f64, planned: &Planned, placement: Vector2<f64>) -> Placed {
-        let swings = swings(self.side);
+        let swings = swings(self.step.side());
         let (reached, level) = (smooth(s / PLACED), smooth(s / LEVELLED));
         let shifts = self.shifts(swings);
         let mut placed = Placed { joints_rad: [0.0; JOINTS], limited: false };
@@ -133,7 +134,7 @@ impl Shape<'_> {
     /// What the stance legs must carry otherwise than planned: the same weight in another posture, and along real
     /// gravity in place of that of the ground that the gait is planned for.
     pub fn carried_nm(&self, planned: &Planned, placed: &Placed) -> [f64; JOINTS] {
-        let swings = swings(self.side);
+        let swings = swings(self.step.side());
         let half_n = 0.5 * self.config.mass_kg * self.config.estimator.gravity_m_s2;
         let (up, planned_up) = (self.frames.up * half_n, up_on(self.gait.rise()) * half_n);
         let mut torque = [0.0; JOINTS];

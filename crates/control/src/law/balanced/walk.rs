@@ -87,8 +87,8 @@ impl Balanced {
         self.reference = JointCommand {
             position_rad: at.position_rad,
             velocity_rad_s: at.velocity_rad_s,
-            kp: cycle.gait.kp(place.side),
-            kd: cycle.gait.kd(place.side),
+            kp: cycle.gait.kp(place.step),
+            kd: cycle.gait.kd(place.step),
             torque_nm: at.torque_nm,
         };
         let good = cycle.estimate.health() == Health::Good;

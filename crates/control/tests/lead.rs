@@ -1,0 +1,175 @@
+//! A gait's lead: walked once, out of standing, before the gait's own steps.
+
+mod common;
+use common::*;
+use control::*;
+use gait::{Domain, Gait, StepSide};
+
+/// Steps of the stepping gait as a lead, shorter and lower, and by less than is refused off where the gait begins.
+fn with_lead() -> Gait {
+    const OFF_RAD: f64 = 0.008;
+    let mut gait = gait();
+    let step = |side: StepSide, duration_s: f64| {
+        let rows = gait.planned_coefficients(side);
+        let lowered = rows.map(|row| row.map(|c| row[0] + 0.5 * (c - row[0]) + OFF_RAD));
+        Domain { stands: side.stands(), duration_s, planned_rad: lowered, reference_rad: lowered }
+    };
+    gait.lead = vec![step(StepSide::First, 0.3), step(StepSide::Mirrored, 0.35)];
+    gait.validate().unwrap();
+    gait
+}
+
+fn with_lead_prepared() -> PreparedGait {
+    PreparedGait::new(&with_lead(), &config()).unwrap()
+}
+
+/// Walking in its first cycle, out of standing.
+fn leading() -> Bench {
+    let mut bench = Bench::new(config());
+    bench.load(&with_lead_prepared());
+    for request in [Request::Arm, Request::Stand, Request::Walk] {
+        bench.ask(request).unwrap();
+    }
+    bench.until(Mode::Walking, 6.0);
+    bench
+}
+
+#[test]
+fn no_joint_jumps_from_standing_through_the_lead_into_the_gait() {
+    let mut b = Bench::new(config());
+    b.load(&with_lead_prepared());
+    b.ask(Request::Arm).unwrap();
+    b.ask(Request::Stand).unwrap();
+    b.until(Mode::Standing, 6.0);
+    b.ask(Request::Walk).unwrap();
+    let mut last = b.last.unwrap();
+    while b.controller.mode() != Mode::Walking || last.step_index < 6 {
+        let output = b.cycle(&[], None);
+        for j in 0..JOINTS {
+            let step = output.command.position_rad[j] - last.command.position_rad[j];
+            assert!(step.abs() < 0.006, "step {} joint {j} jumped {step}", output.step_index);
+            let speed = output.command.velocity_rad_s[j] - last.command.velocity_rad_s[j];
+            assert!(speed.abs() < 0.3, "step {} joint {j}: velocity jumped {speed}", output.step_index);
+        }
+        last = output;
+    }
+}
+
+#[test]
+fn the_lead_is_walked_once_with_its_own_durations_and_then_the_whole_gait() {
+    let mut b = leading();
+    let mut cycles = [0; 6];
+    while let output = b.last.unwrap()
+        && output.step_index < 6
+    {
+        cycles[output.step_index as usize] += 1;
+        b.cycle(&[], None);
+    }
+    assert_eq!(cycles, [300, 350, 404, 404, 404, 404]);
+    // Past what the lead's end left, the gait itself, from its first step on.
+    let (output, prepared) = (b.run(300), prepared());
+    let at = prepared.at(StepSide::of_step(output.step_index), output.step_phase);
+    for j in 0..JOINTS {
+        assert!((output.command.position_rad[j] - at.position_rad[j]).abs() < 3e-6, "joint {j}");
+    }
+}
+
+#[test]
+fn a_stop_within_the_lead_stands_at_its_next_switch() {
+    for (after, at_most) in [(50, 250), (400, 250)] {
+        let mut b = leading();
+        let mut last = b.run(after);
+        assert!(last.step_index < 2);
+        b.ask(Request::Stop).unwrap();
+        for _ in 0..at_most + 400 {
+            let output = b.cycle(&[], None);
+            for j in 0..JOINTS {
+                let step = output.command.position_rad[j] - last.command.position_rad[j];
+                assert!(step.abs() < 0.015, "{:?}, joint {j} jumped {step}", output.mode);
+            }
+            last = output;
+        }
+        assert_eq!(last.mode, Mode::Standing, "asked after {after} cycles");
+        // And begins with the lead again.
+        b.ask(Request::Walk).unwrap();
+        b.until(Mode::Walking, 2.0);
+        assert_eq!((b.until_step(1), b.until_step(2)), (300, 350));
+    }
+}
+
+trait UntilStep {
+    fn until_step(&mut self, step: u64) -> usize;
+}
+
+impl UntilStep for Bench {
+    /// Cycles of the present step until `step` begins.
+    fn until_step(&mut self, step: u64) -> usize {
+        let mut cycles = 0;
+        while self.last.unwrap().step_index < step {
+            self.cycle(&[], None);
+            cycles += 1;
+        }
+        cycles
+    }
+}
+
+#[test]
+fn a_fault_within_the_lead_damps_the_robot() {
+    let mut b = leading();
+    b.run(100);
+    b.disturbance_rad[2] = 0.6;
+    b.obeys = false;
+    b.until(Mode::Fault, 0.2);
+    assert!(is_damping(&b.run(1)));
+}
+
+#[test]
+fn another_gait_that_comes_within_the_lead_waits_for_its_end() {
+    let mut b = leading();
+    let other = PreparedGait::new(&gait_at("other", [0.1, 0.99, 2.0], 0.37), &config()).unwrap();
+    b.run(50);
+    b.cycle(&[], Some(&other));
+    assert_eq!((b.until_step(1), b.until_step(2)), (249, 350));
+    // The step after what the lead left is still the gait's that led, then the other walks.
+    assert_eq!((b.until_step(3), b.until_step(4)), (404, 370));
+}
+
+#[test]
+fn a_snapshot_within_the_lead_goes_on_to_the_bit() {
+    for after in [10, 299, 300, 301, 500, 700] {
+        let mut b = leading();
+        b.run(after);
+        let text = serde_json::to_string(&b.controller.snapshot()).unwrap();
+        let mut again = Bench {
+            controller: Controller::resume(config(), &serde_json::from_str(&text).unwrap()).unwrap(),
+            ..Bench::new(config())
+        };
+        (again.now, again.position_rad, again.velocity_rad_s) = (b.now, b.position_rad, b.velocity_rad_s);
+        for cycle in 0..1000 {
+            let (there, here) = (b.cycle(&[], None), again.cycle(&[], None));
+            assert_eq!(there, here, "cycle {cycle} after {after}");
+        }
+    }
+}
+
+#[test]
+fn a_lead_that_is_no_two_steps_of_a_trot_or_breaks_a_limit_is_refused() {
+    type Case = (&'static str, fn(&mut Gait));
+    let cases: [Case; 4] = [
+        ("lead is none that is walked: expected two domains", |g| {
+            g.lead.remove(0);
+        }),
+        ("lead is none that is walked", |g| g.lead[0].stands = [true; 4]),
+        ("lead is none that is walked", |g| g.lead.swap(0, 1)),
+        ("the lead's planned position of front_left_knee", |g| {
+            g.lead[0].planned_rad[2][2] = -4.0;
+            g.lead[0].reference_rad[2][2] = -4.0;
+        }),
+    ];
+    for (expected, spoil) in cases {
+        let mut gait = with_lead();
+        spoil(&mut gait);
+        let e = PreparedGait::new(&gait, &config()).unwrap_err().to_string();
+        assert!(e.contains(expected), "expected {expected:?} in {e:?}");
+    }
+}
