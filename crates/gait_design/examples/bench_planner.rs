@@ -1,13 +1,15 @@
 //! Times of the planner on the Vision 60, one `name = value` line each; `launch-scripts/bench planner` runs it on one
 //! core.
 //!
-//! bench_planner times | memory | library GAITS THREADS
+//! bench_planner times | memory | library GAITS THREADS | plans NAME COUNT | replans COUNT
+//!
+//! `plans` and `replans` print iterations only: they are for a profiler.
 
 use decomposition::Pairing;
 use gait_design::library::{Axis, Field, Grid, Library};
 use gait_design::{
-    BipedPair, Condensed, DecomposedProgram, GaitRequest, PlanOptions, Planner, ProgramSettings, Reference,
-    SubproblemSolver, behaviours, nominal, plan, plan_full_order,
+    BipedPair, Condensed, DecomposedProgram, GaitRequest, Plan, PlanOptions, Planner, ProgramSettings, Reference,
+    SubproblemSolver, behaviours, certificate, nominal, plan, plan_full_order,
 };
 use nlp::{Evaluation, Problem, Subproblem};
 use robot::Robot;
@@ -28,8 +30,10 @@ fn main() {
         ["times"] => times(&robot),
         ["memory"] => memory(&robot),
         ["library", gaits, threads] => library(&robot, number(gaits), number(threads)),
+        ["plans", name, count] => plans(&robot, name, number(count)),
+        ["replans", count] => replans(&robot, number(count)),
         _ => {
-            eprintln!("usage: bench_planner times | memory | library GAITS THREADS");
+            eprintln!("usage: bench_planner times | memory | library GAITS THREADS | plans NAME COUNT | replans COUNT");
             std::process::exit(2);
         }
     }
@@ -42,13 +46,34 @@ fn number(text: &str) -> usize {
     })
 }
 
-fn solve(robot: &Robot, request: &GaitRequest, options: &PlanOptions) -> gait_design::Plan {
+fn solve(robot: &Robot, request: &GaitRequest, options: &PlanOptions) -> Plan {
     plan(robot, request, options, |_| ControlFlow::Continue(())).expect("the benchmark's requests have gaits")
 }
 
 fn median(mut values: Vec<f64>) -> f64 {
     values.sort_by(f64::total_cmp);
     values[values.len() / 2]
+}
+
+/// One cold plan after another.
+fn plans(robot: &Robot, name: &str, count: usize) {
+    let request = GaitRequest::named(name, robot).unwrap_or_else(|e| {
+        eprintln!("bench_planner: {e}");
+        std::process::exit(2);
+    });
+    for _ in 0..count {
+        println!("{}", solve(robot, &request, &PlanOptions::default()).gait.solver.iterations);
+    }
+}
+
+/// Changes of [`changes`] by a planner that remembers: iterations and points of each.
+fn replans(robot: &Robot, count: usize) {
+    let mut planner = Planner::with_memory(robot);
+    for [before, after] in changes(robot).take(count) {
+        replan(&mut planner, &before, &PlanOptions::default());
+        let plan = replan(&mut planner, &after, &PlanOptions::default());
+        println!("{} {}", plan.gait.solver.iterations, plan.points.len());
+    }
 }
 
 /// Mean over the five gaits of the median time of a whole [`plan`], ms.
@@ -60,7 +85,7 @@ fn mean_ms_by(
     robot: &Robot,
     options: &PlanOptions,
     rounds: usize,
-    solve: impl Fn(&Robot, &GaitRequest, &PlanOptions) -> gait_design::Plan,
+    solve: impl Fn(&Robot, &GaitRequest, &PlanOptions) -> Plan,
 ) -> f64 {
     let of = |name: &str| {
         let request = GaitRequest::named(name, robot).expect("a behaviour's own name");
@@ -79,6 +104,13 @@ fn mean_ms_by(
 fn times(robot: &Robot) {
     let cold = mean_ms(robot, &PlanOptions::default(), ROUNDS);
     println!("cold_mean_ms = {cold:.3}");
+    let of = |name| solve(robot, &GaitRequest::named(name, robot).expect("its own name"), &PlanOptions::default());
+    let gaits: Vec<Plan> = behaviours().map(of).collect();
+    let certificates = gaits.iter().map(|plan| certificate_ms(robot, plan)).sum::<f64>() / gaits.len() as f64;
+    println!("cold_without_certificate_mean_ms = {:.3}", cold - certificates);
+    for plan in &gaits {
+        println!("iterations_{} = {}", plan.gait.name, plan.gait.solver.iterations);
+    }
     // What a plan costs that is asked for on the next finer grid.
     let mut of_21_points = PlanOptions::default();
     of_21_points.program.points = 21;
@@ -96,44 +128,73 @@ fn times(robot: &Robot) {
     };
     println!("full_order_ratio = {:.2}", mean_ms_by(robot, &large, 3, whole) / large_ms);
 
-    // 1,000 changes of speed by 0.1 m/s or of clearance by 2 cm, each from a gait somewhere in the range, so that no
-    // request comes twice. By one planner that remembers its gaits, and by one that starts from the gait before the
-    // change.
-    for (name, mut planner) in [("warm", Planner::with_memory(robot)), ("warm_from_last", Planner::new(robot))] {
-        let mut request = GaitRequest::named("amble", robot).expect("a behaviour's own name");
-        let mut between_0_and_1 = random();
-        let remembers = name == "warm";
-        let (mut times, mut iterations) = (Vec::new(), 0);
-        for number in 0..1000 {
-            request.speed_m_s = 0.1 + 0.4 * between_0_and_1();
-            request.clearance_m = 0.08 + 0.05 * between_0_and_1();
-            let mut replan = |request: &GaitRequest, options: &PlanOptions| {
-                planner
-                    .plan(request, options, |_| ControlFlow::Continue(()))
-                    .expect("the benchmark's requests have gaits")
-            };
-            let before = replan(&request, &PlanOptions::default());
-            let sign = if between_0_and_1() < 0.5 { -1.0 } else { 1.0 };
-            if number % 2 == 0 {
-                request.speed_m_s += 0.1 * sign;
-            } else {
-                request.clearance_m += 0.02 * sign;
-            }
-            let warm_start = (!remembers).then(|| before.warm_start.clone());
-            let options = PlanOptions { warm_start, ..PlanOptions::default() };
-            let start = Instant::now();
-            let plan = black_box(replan(black_box(&request), &options));
-            times.push(1e3 * start.elapsed().as_secs_f64());
-            iterations += plan.gait.solver.iterations;
-        }
-        let worst = times.iter().copied().fold(0.0, f64::max);
-        println!("{name}_median_ms = {:.3}", median(times));
-        println!("{name}_worst_ms = {worst:.3}");
-        println!("{name}_iterations_mean = {:.2}", f64::from(iterations) / 1000.0);
-    }
-
+    warm(robot, "warm", Planner::with_memory, false);
+    warm(robot, "warm_from_last", Planner::new, true);
     growth(robot);
     parts(robot);
+}
+
+/// A thousand of [`changes`] by a planner as made, each from the gait before it or from what the planner remembers. All
+/// are made three times over, and a change's time is its shortest: the system interrupts one in fifty for longer than a
+/// replan takes.
+fn warm(robot: &Robot, name: &str, planner: impl Fn(&Robot) -> Planner, from_last: bool) {
+    const CHANGES: usize = 1000;
+    let (mut whole, mut without) = (vec![f64::INFINITY; CHANGES], vec![f64::INFINITY; CHANGES]);
+    let mut iterations = 0;
+    for _ in 0..3 {
+        let mut planner = planner(robot);
+        iterations = 0;
+        for ([before, after], (whole, without)) in changes(robot).zip(whole.iter_mut().zip(&mut without)) {
+            let before = replan(&mut planner, &before, &PlanOptions::default());
+            let warm_start = from_last.then(|| before.warm_start.clone());
+            let options = PlanOptions { warm_start, ..PlanOptions::default() };
+            let start = Instant::now();
+            let plan = black_box(replan(&mut planner, black_box(&after), &options));
+            let time = 1e3 * start.elapsed().as_secs_f64();
+            *whole = whole.min(time);
+            *without = without.min(time - certificate_ms(robot, &plan));
+            iterations += plan.gait.solver.iterations;
+        }
+    }
+    for (what, times) in [("", whole), ("_without_certificate", without)] {
+        println!("{name}{what}_worst_ms = {:.3}", times.iter().copied().fold(0.0, f64::max));
+        println!("{name}{what}_median_ms = {:.3}", median(times));
+    }
+    println!("{name}_iterations_mean = {:.2}", f64::from(iterations) / CHANGES as f64);
+}
+
+/// Changes of speed by 0.1 m/s and of clearance by 2 cm in turns, each from a gait somewhere in the range, so that no
+/// request comes twice: before and after.
+fn changes(robot: &Robot) -> impl Iterator<Item = [GaitRequest; 2]> {
+    let mut request = GaitRequest::named("amble", robot).expect("a behaviour's own name");
+    let mut between_0_and_1 = random();
+    (0..).map(move |number| {
+        request.speed_m_s = 0.1 + 0.4 * between_0_and_1();
+        request.clearance_m = 0.08 + 0.05 * between_0_and_1();
+        let before = request.clone();
+        let sign = if between_0_and_1() < 0.5 { -1.0 } else { 1.0 };
+        if number % 2 == 0 {
+            request.speed_m_s += 0.1 * sign;
+        } else {
+            request.clearance_m += 0.02 * sign;
+        }
+        [before, request.clone()]
+    })
+}
+
+fn replan(planner: &mut Planner, request: &GaitRequest, options: &PlanOptions) -> Plan {
+    planner.plan(request, options, |_| ControlFlow::Continue(())).expect("the benchmark's requests have gaits")
+}
+
+/// How long the certificate of a plan takes, ms: the shortest of three.
+fn certificate_ms(robot: &Robot, plan: &Plan) -> f64 {
+    let times = (0..3).map(|_| {
+        let start = Instant::now();
+        black_box(certificate(robot, &plan.gait, Reference::Compensated, [&plan.points, &plan.second_points]))
+            .expect("it was found before");
+        1e3 * start.elapsed().as_secs_f64()
+    });
+    times.fold(f64::INFINITY, f64::min)
 }
 
 /// How the time grows with the points.
@@ -190,22 +251,10 @@ fn parts(robot: &Robot) {
     let mut condensed = Condensed::default();
     let mut step = || condensed.solve(&program, black_box(&x), &at, &at.constraints).expect("the first step exists");
     println!("subproblem_us = {:.1}", microseconds(&mut || drop(black_box(step()))));
-    let gait = solve(robot, &request, &PlanOptions::default());
-    println!(
-        "check_us = {:.1}",
-        microseconds(&mut || {
-            black_box(gait_design::between_points(robot, &request, &gait.gait, &gait.points));
-        })
-    );
-    println!(
-        "certificate_ms = {:.3}",
-        1e-3 * microseconds(&mut || drop(black_box(gait_design::certificate(
-            robot,
-            &gait.gait,
-            Reference::Compensated,
-            [&gait.points, &[]]
-        ))))
-    );
+    let plan = solve(robot, &request, &PlanOptions::default());
+    let mut check = || drop(black_box(gait_design::between_points(robot, &request, &plan.gait, &plan.points)));
+    println!("check_us = {:.1}", microseconds(&mut check));
+    println!("certificate_ms = {:.3}", certificate_ms(robot, &plan));
 }
 
 /// The largest resident memory of this process after it has planned the five gaits.

@@ -438,9 +438,9 @@ impl Condensed {
         // Σ w (x + δ − c)²: the constant part of a row becomes its residual, so that one product gives Hessian and gradient.
         let mut hessian = [[0.0; WIDTH]; WIDTH];
         qp.own.clear();
+        let mut terms = [(0.0, [0.0; WIDTH]); 6 + DOF + 12];
         for (index, (motion, forces)) in along(&self.unknown, &self.prescribed).zip(&self.forces).enumerate() {
             let mut own = Own { coupling: [0.0; WIDTH], hessian: 0.0, gradient: 0.0 };
-            let mut terms = [(0.0, [0.0; WIDTH]); 6 + DOF + 12];
             let weights = program.weights_of(index);
             assert_eq!(weights.len(), terms.len(), "a point's terms of the objective");
             for (term, &(i, weight, centre)) in terms.iter_mut().zip(weights) {

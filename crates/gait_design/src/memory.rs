@@ -66,7 +66,8 @@ impl Memory {
         let with_here = DVector::from_fn(near.len(), |i, _| alike(of(i), &here));
         let weights = covariance.cholesky()?.solve(&with_here);
         // The nearest gait is the expectation where nothing is known; the rest of the weights is its own.
-        let mut x: Vec<f64> = self.gaits[nearest].1.iter().map(|x| x * (1.0 - weights.sum())).collect();
+        let rest = 1.0 - weights.sum();
+        let mut x: Vec<f64> = self.gaits[nearest].1.iter().map(|x| x * rest).collect();
         for (weight, &(_, gait)) in weights.iter().zip(&near) {
             for (x, theirs) in x.iter_mut().zip(&self.gaits[gait].1) {
                 *x += weight * theirs;

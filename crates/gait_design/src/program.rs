@@ -13,7 +13,7 @@ use nlp::{Bounds, Evaluation, Pattern, Problem};
 use robot::Robot;
 
 mod sinks;
-use sinks::Count;
+use sinks::{Count, Steepest};
 pub(crate) use sinks::{Places, Sink, ValuesSink};
 
 /// Coordinates of a biped.
@@ -598,6 +598,12 @@ impl Problem for DecomposedProgram {
             evaluation.gradient[i] = 2.0 * weight * (x[i] - centre);
             evaluation.hessian[k] = 2.0 * weight;
         }
+    }
+
+    fn steepest(&mut self, x: &[f64], _: &mut Evaluation) -> Vec<f64> {
+        let mut steepest = vec![0.0; self.bounds.constraint_lower.len()];
+        self.derivatives(x, &mut Steepest(&mut steepest));
+        steepest
     }
 
     fn values(&mut self, x: &[f64], constraints: &mut [f64]) -> f64 {

@@ -33,6 +33,7 @@
 
 mod flow;
 mod generator;
+mod product;
 
 use crate::recompose::PlanPoint;
 use crate::verification::step_of;
@@ -41,6 +42,7 @@ use flow::Flow;
 use gait::Gait;
 use generator::{PLACES, RATES, Row, generator, independent, lift};
 use nalgebra::DMatrix;
+use product::product;
 use rigid_body::{Data, crba, last_point_kinematics_derivatives, rnea_derivatives};
 use robot::Robot;
 
@@ -98,11 +100,12 @@ pub(crate) fn stability_in_steps(
 ) -> Result<Stability, DynamicsError> {
     let first_step = step_map(robot, gait, points, steps)?;
     let map = if second_points.is_empty() {
-        on_manifold(robot, points) * mirror(robot) * first_step
+        product(&product(&on_manifold(robot, points), &mirror(robot)), &first_step)
     } else {
         let second_step = step_map(robot, gait, second_points, steps)?;
         let turned_back = turned_by(-stride_yaw_rad(gait, points, second_points));
-        on_manifold(robot, points) * turned_back * second_step * on_manifold(robot, second_points) * first_step
+        let second = product(&product(&on_manifold(robot, points), &turned_back), &second_step);
+        product(&product(&second, &on_manifold(robot, second_points)), &first_step)
     };
 
     // The iteration for eigenvalues would not end.
@@ -141,7 +144,7 @@ pub(crate) fn stability_in_steps(
         shifts[(unit, column)] = 1.0;
     }
     let basis = shifts.qr().q();
-    let turned = basis.transpose() * map * basis;
+    let turned = product(&product(&basis.transpose(), &map), &basis);
     let eigenvalues = |from: usize, count: usize| -> Vec<Complex> {
         turned.view((from, from), (count, count)).into_owned().complex_eigenvalues().iter().copied().collect()
     };
@@ -155,7 +158,8 @@ fn step_map(robot: &Robot, gait: &Gait, points: &[PlanPoint], steps: usize) -> R
     let (_, stance, swing) = step_of(points);
     let ends = end_rows(robot, gait, points, steps)?;
     let end = points.last().expect("a plan has points");
-    Ok(touchdown(robot, stance, swing, end) * DMatrix::from_fn(2 * DOF, STATE, |r, c| ends[r][c]))
+    let ends = DMatrix::from_fn(2 * DOF, STATE, |r, c| ends[r][c]);
+    Ok(product(&touchdown(robot, stance, swing, end), &ends))
 }
 
 /// Φ of one step, q and then q̇.
@@ -271,12 +275,13 @@ pub(crate) fn touchdown(
     // M⁻¹ Jᵀ (J M⁻¹ Jᵀ)⁻¹: the motion of least kinetic metric for given motions of the toes.
     let least = |j: &DMatrix<f64>| {
         let carried = factor.solve(&j.transpose());
-        let delassus = j * &carried;
-        // Toes that can be moved one by one, as nearly all can, need no singular values.
-        match delassus.clone().cholesky() {
-            Some(own) if own.l_dirty().diagonal().min() > 1e-3 => carried * own.inverse(),
-            _ => carried * delassus.pseudo_inverse(1e-9).expect("the tolerance is positive"),
-        }
+        let delassus = product(j, &carried);
+        // Toes that can be moved one by one, as nearly all can, need no eigenvalues.
+        let inverse = match delassus.clone().cholesky() {
+            Some(own) if own.l_dirty().diagonal().min() > 1e-3 => own.inverse(),
+            _ => pseudo_inverse(delassus),
+        };
+        product(&carried, &inverse)
     };
     let landing = stack(&[jacobian[swing_1].rows(2, 1), jacobian[swing_2].rows(2, 1)]);
     let held = stack(&[landing.rows(0, 2), jacobian[stance_1].rows(0, 3), jacobian[stance_2].rows(0, 3)]);
@@ -286,9 +291,17 @@ pub(crate) fn touchdown(
     let stop = least(&land);
     let mut map = DMatrix::zeros(2 * DOF, 2 * DOF);
     map.view_mut((0, 0), (DOF, DOF)).copy_from(&to_floor);
-    map.view_mut((DOF, 0), (DOF, DOF)).copy_from(&(-&stop * land_by_q * to_floor));
-    map.view_mut((DOF, DOF), (DOF, DOF)).copy_from(&(DMatrix::identity(DOF, DOF) - stop * land));
+    let moved = product(&product(&stop, &land_by_q), &to_floor);
+    map.view_mut((DOF, 0), (DOF, DOF)).copy_from(&-moved);
+    map.view_mut((DOF, DOF), (DOF, DOF)).copy_from(&(DMatrix::identity(DOF, DOF) - product(&stop, &land)));
     map
+}
+
+/// Of a symmetric matrix without negative eigenvalues; those below 1e-9 count as zero.
+fn pseudo_inverse(matrix: DMatrix<f64>) -> DMatrix<f64> {
+    let own = matrix.symmetric_eigen();
+    let inverse = own.eigenvalues.map(|value| if value > 1e-9 { 1.0 / value } else { 0.0 });
+    product(&product(&own.eigenvectors, &DMatrix::from_diagonal(&inverse)), &own.eigenvectors.transpose())
 }
 
 /// How far a gait turns in a stride, rad. To the bit 0 where none is asked for, whatever the solver left.

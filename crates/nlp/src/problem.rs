@@ -60,6 +60,23 @@ pub trait Problem {
     /// Values and derivatives at `x`.
     fn evaluate(&mut self, x: &[f64], evaluation: &mut Evaluation);
 
+    /// The size of the largest entry of ∂g/∂x in each row, at the point `x` where the problem has just been evaluated to
+    /// `at`. A solve asks once. A problem that writes its Jacobian only where it is asked to may find them without.
+    fn steepest(&mut self, x: &[f64], at: &mut Evaluation) -> Vec<f64> {
+        if !at.jacobian_wanted {
+            at.jacobian_wanted = true;
+            self.evaluate(x, at);
+        }
+        let mut steepest = vec![0.0_f64; at.constraints.len()];
+        for (&(row, _), value) in self.jacobian_pattern().0.iter().zip(&at.jacobian) {
+            // A comparison, for `f64::max` minds values that are not numbers and takes three times as long.
+            if value.abs() > steepest[row] {
+                steepest[row] = value.abs();
+            }
+        }
+        steepest
+    }
+
     /// Values alone, for the line search: writes g(x) and returns f(x).
     fn values(&mut self, x: &[f64], constraints: &mut [f64]) -> f64;
 
@@ -199,10 +216,10 @@ pub(crate) fn check(problem: &impl Problem, start: &[f64]) -> Result<(), Problem
             return Err(ProblemError::Shape { what, found, expected });
         }
     }
-    for &(row, column) in &problem.jacobian_pattern().0 {
-        if row >= m || column >= n {
-            return Err(ProblemError::Shape { what: "jacobian_pattern", found: row.max(column), expected: m.max(n) });
-        }
+    let largest = |a: (usize, usize), b: &(usize, usize)| (a.0.max(b.0), a.1.max(b.1));
+    let (row, column) = problem.jacobian_pattern().0.iter().fold((0, 0), largest);
+    if !problem.jacobian_pattern().is_empty() && (row >= m || column >= n) {
+        return Err(ProblemError::Shape { what: "jacobian_pattern", found: row.max(column), expected: m.max(n) });
     }
     for &(row, column) in &problem.hessian_pattern().0 {
         if row > column || column >= n {

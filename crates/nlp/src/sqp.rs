@@ -134,15 +134,14 @@ impl SqpSolver {
         let (n, m) = (bounds.variable_lower.len(), bounds.constraint_lower.len());
         let mut x = start.to_vec();
         stay_within(&bounds, &mut x);
-        // The first time for the constraints' units.
-        at.jacobian_wanted = true;
+        at.jacobian_wanted = subproblem.needs_jacobian();
         problem.evaluate(&x, at);
-        next.jacobian_wanted = subproblem.needs_jacobian();
+        next.jacobian_wanted = at.jacobian_wanted;
         let mut elastic: Option<Qp> = None;
         let mut elastic_price = 10.0_f64;
         // Without multipliers one price serves all constraints, each measured by the change of an unknown that mends it:
         // newtons and metres as they come would let the rounding of a force outweigh a toe's height.
-        let unit = units(problem, at, m);
+        let unit = units(&problem.steepest(&x, at));
         let mut common_price = 0.0_f64;
         let mut prices = vec![0.0; m];
         let mut multipliers: Option<Multipliers> = None;
@@ -419,15 +418,8 @@ pub fn most_broken<P: Problem>(problem: &P, x: &[f64], constraints: &[f64]) -> V
     }
 }
 
-/// For each constraint, how far the unknown that moves it most must change to change it by one.
-fn units<P: Problem>(problem: &P, at: &Evaluation, constraints: usize) -> Vec<f64> {
-    let mut steepest = vec![0.0_f64; constraints];
-    for (&(row, _), value) in problem.jacobian_pattern().0.iter().zip(&at.jacobian) {
-        // A comparison, for `f64::max` minds values that are not numbers and takes three times as long.
-        if value.abs() > steepest[row] {
-            steepest[row] = value.abs();
-        }
-    }
+/// For each constraint, how far the unknown that moves it most must change to change it by one, from how steeply it does.
+fn units(steepest: &[f64]) -> Vec<f64> {
     steepest.iter().map(|slope| if *slope > 0.0 { 1.0 / slope } else { 1.0 }).collect()
 }
 

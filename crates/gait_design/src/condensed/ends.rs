@@ -8,6 +8,13 @@ const END_ROWS: usize = 30;
 const REPEATED: f64 = 1e-9;
 /// An end row: the inputs' coefficients, zeros that round the length up to vector registers, the constant.
 type EndRow = [f64; 48];
+const CONSTANT: usize = 47;
+
+/// All coordinates at an end of the step.
+struct EndMotion {
+    q: [EndRow; DOF],
+    v: [EndRow; DOF],
+}
 
 impl Condensed {
     /// Part 2: how many numbers the end rows leave free, and the inputs as affine functions of them.
@@ -18,41 +25,12 @@ impl Condensed {
         x: &[f64],
         g: &[f64],
     ) -> Result<(usize, [Reduced; INPUTS]), SubproblemError> {
-        const CONSTANT: usize = 47;
         let last = program.points() - 1;
-        let end = |point: usize, ends: &Motion<7, Affine>| {
-            let mut motion: Motion<DOF, EndRow> = Motion::default();
-            let widen = |from: &Affine| {
-                let mut row = [0.0; 48];
-                row[..SHIFTS].copy_from_slice(&from[..SHIFTS]);
-                row[CONSTANT] = from[SHIFTS];
-                row
-            };
-            for (k, i) in UNKNOWN.into_iter().enumerate() {
-                (motion.q[i], motion.v[i]) = (widen(&ends.q[k]), widen(&ends.v[k]));
-            }
-            // The base starts elsewhere or drifts; where along x the step begins is nobody's choice.
-            let elapsed = program.phase(point) * x[at::T];
-            for axis in 0..3 {
-                if axis > 0 {
-                    motion.q[axis][SHIFTS + axis - 1] = 1.0;
-                }
-                motion.q[axis][STRAIGHT_RATES + axis] = elapsed;
-                motion.v[axis][STRAIGHT_RATES + axis] = 1.0;
-            }
-            for i in prescribed() {
-                let own = &self.outputs[point];
-                for (to, from) in [(&mut motion.q[6 + i], &own.q[i]), (&mut motion.v[6 + i], &own.v[i])] {
-                    let first = coefficients(i);
-                    to[first..first + COEFFICIENTS].copy_from_slice(&from[..COEFFICIENTS]);
-                    to[STEP_DURATION] = from[COEFFICIENTS];
-                    to[CONSTANT] = from[COEFFICIENTS + 1];
-                }
-            }
-            motion
-        };
-        let (first, last, d0, d1) =
-            (end(0, &self.ends[0]), end(last, &self.ends[1]), program.dynamics(0), program.dynamics(last));
+        let mut ends: [EndMotion; 2] = std::array::from_fn(|_| EndMotion { q: [[0.0; 48]; DOF], v: [[0.0; 48]; DOF] });
+        for (end, point) in ends.iter_mut().zip([0, last]) {
+            self.write_end(program, x, point, end);
+        }
+        let ([first, last], d0, d1) = (&ends, program.dynamics(0), program.dynamics(last));
         let mut e = [[0.0; 48]; END_ROWS];
         let start = program.start_of_first();
         for (row, toe, residual) in [(0, &d0.front.stance, g[start + 12]), (1, &d0.rear.stance, g[start + 13])] {
@@ -132,6 +110,36 @@ impl Condensed {
             inputs[column] = input;
         }
         Ok((free.len(), inputs))
+    }
+
+    /// The motion at the first or the last point, into rows of zeros.
+    #[inline(always)]
+    fn write_end(&self, program: &DecomposedProgram, x: &[f64], point: usize, motion: &mut EndMotion) {
+        let ends = &self.ends[usize::from(point > 0)];
+        for (k, i) in UNKNOWN.into_iter().enumerate() {
+            for (to, from) in [(&mut motion.q[i], &ends.q[k]), (&mut motion.v[i], &ends.v[k])] {
+                to[..SHIFTS].copy_from_slice(&from[..SHIFTS]);
+                to[CONSTANT] = from[SHIFTS];
+            }
+        }
+        // The base starts elsewhere or drifts; where along x the step begins is nobody's choice.
+        let elapsed = program.phase(point) * x[at::T];
+        for axis in 0..3 {
+            if axis > 0 {
+                motion.q[axis][SHIFTS + axis - 1] = 1.0;
+            }
+            motion.q[axis][STRAIGHT_RATES + axis] = elapsed;
+            motion.v[axis][STRAIGHT_RATES + axis] = 1.0;
+        }
+        let own = &self.outputs[point];
+        for i in prescribed() {
+            for (to, from) in [(&mut motion.q[6 + i], &own.q[i]), (&mut motion.v[6 + i], &own.v[i])] {
+                let first = coefficients(i);
+                to[first..first + COEFFICIENTS].copy_from_slice(&from[..COEFFICIENTS]);
+                to[STEP_DURATION] = from[COEFFICIENTS];
+                to[CONSTANT] = from[COEFFICIENTS + 1];
+            }
+        }
     }
 }
 

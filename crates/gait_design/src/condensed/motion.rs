@@ -108,6 +108,8 @@ pub(super) fn move_along<const N: usize>(
     first.a = right;
     each(0, &start);
 
+    let mut matrix = [[0.0; 14]; 14];
+    let mut right = [[0.0; N]; 14];
     for interval in 0..program.points() / 2 {
         let hs = Interval::new(program, x, g, interval);
         let h = hs.h;
@@ -140,8 +142,6 @@ pub(super) fn move_along<const N: usize>(
             }
         }
         let (c1, c2) = (&rows[p1], &rows[p1 + 1]);
-        let mut matrix = [[0.0; 14]; 14];
-        let mut right = [[0.0; N]; 14];
         for r in 0..7 {
             for (k, u) in UNKNOWN.into_iter().enumerate() {
                 // What a unit of acceleration in the middle and at the end does to q̇ and q of both points.
@@ -332,7 +332,12 @@ fn solve_square<const N: usize, const W: usize>(
     right: &mut [[f64; W]; N],
 ) -> Result<(), SubproblemError> {
     for c in 0..N {
-        let pivot = (c..N).max_by(|&a, &b| matrix[a][c].abs().total_cmp(&matrix[b][c].abs())).expect("c < N");
+        let mut pivot = c;
+        for r in c + 1..N {
+            if matrix[r][c].abs() >= matrix[pivot][c].abs() {
+                pivot = r;
+            }
+        }
         matrix.swap(c, pivot);
         right.swap(c, pivot);
         let size = matrix[c][c];
