@@ -67,11 +67,14 @@ fn the_five_gaits_of_table_i_converge_to_the_independent_optimum() {
     let robot = vision60();
     let defaults = PEER_COSTS.map(|(name, peer, _)| (GaitRequest::named(name, &robot).unwrap(), peer));
     let steps = PEER_COSTS.map(|(name, _, peer)| (as_steps(name, &robot), peer));
-    for (request, peer) in defaults.into_iter().chain(steps) {
+    // The defaults take 6, 6, 6, 6 and 7 iterations.
+    let most = [7; 5].into_iter().chain([8; 5]);
+    for ((request, peer), most) in defaults.into_iter().chain(steps).zip(most) {
         let name = &request.behaviour;
         let plan = plan(&robot, &request, &PlanOptions::default(), go_on).unwrap();
         let solver = &plan.gait.solver;
-        assert!(solver.iterations <= 10, "{name} took {} iterations", solver.iterations);
+        println!("{name}: {} iterations", solver.iterations);
+        assert!(solver.iterations <= most, "{name} took {} iterations", solver.iterations);
         assert!(solver.max_violation <= 1e-5, "{name} violates a constraint by {}", solver.max_violation);
         assert!(solver.objective <= peer * 1.001, "{name} costs {}, the peer {peer}", solver.objective);
         assert!(

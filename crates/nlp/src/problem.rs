@@ -60,8 +60,8 @@ pub trait Problem {
     /// Values and derivatives at `x`.
     fn evaluate(&mut self, x: &[f64], evaluation: &mut Evaluation);
 
-    /// The size of the largest entry of ∂g/∂x in each row, at the point `x` where the problem has just been evaluated to
-    /// `at`. A solve asks once. A problem that writes its Jacobian only where it is asked to may find them without.
+    /// The size of the largest entry of ∂g/∂x in each row, at the point `x` where the problem has just been evaluated
+    /// to `at`. A solve asks once. A problem that writes its Jacobian only where it is asked to may find them without.
     fn steepest(&mut self, x: &[f64], at: &mut Evaluation) -> Vec<f64> {
         if !at.jacobian_wanted {
             at.jacobian_wanted = true;
