@@ -108,21 +108,11 @@ impl BipedPair {
             let data = Data::new(&model);
             Biped { data, model, stance: robot.legs[stance].toe, swing: robot.legs[swing].toe, follows }
         };
-        let names = robot.joint_names();
-        let mut data = Data::new(&robot.model);
-        let q = vec![0.0; robot.model.dof()];
-        rigid_body::forward_kinematics(&robot.model, &mut data, &q, &q, &q);
-        let hip_x_m = std::array::from_fn(|leg| {
-            let dof = robot.model.joint_index(&names[3 * leg]).expect("the robot's joints are the model's");
-            let link = robot.model.link_name(dof);
-            let frame = robot.model.frame_id(link).expect("every link is a frame");
-            rigid_body::frame_position(&robot.model, &data, frame).x
-        });
         Ok(Self {
             front: biped(Side::Front, 2, FRONT_SWING, std::array::from_fn(|i| (i, 1.0))),
             rear: biped(Side::Rear, 1, REAR_SWING, std::array::from_fn(|i| pairing.row(i))),
             pairing,
-            hip_x_m,
+            hip_x_m: crate::hip_x_m(robot),
             total_mass_kg: robot.model.total_mass(),
             with_derivatives: true,
         })
@@ -142,6 +132,11 @@ impl BipedPair {
 
     pub(crate) fn hip_x_m(&self, leg: usize) -> f64 {
         self.hip_x_m[leg]
+    }
+
+    /// x of every leg's hip from the base's origin, m.
+    pub(crate) fn hips_x_m(&self) -> [f64; 4] {
+        self.hip_x_m
     }
 
     /// Distance between toes 1 and 2 when each stands below its hip's x and `half_width_m` from the mid plane.

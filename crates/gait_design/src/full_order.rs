@@ -14,7 +14,9 @@
 //! term ([`terms`]) one constraint with its bounds, values, derivatives and names. Redundant rows are left out as in
 //! [`crate::DecomposedProgram`]; without the pairing all six rows of a soft touchdown count.
 
+mod contact_plan;
 mod costs;
+mod footfalls;
 mod goal;
 mod names;
 mod order;
@@ -30,6 +32,7 @@ mod terms;
 mod transition;
 mod variables;
 
+pub use contact_plan::{ScheduleOptions, SchedulePlan, plan_schedule};
 pub use plan::{plan_full_order, stride_start};
 pub(crate) use planning::{FullOrderPlanner, Program};
 pub(crate) use schedule::Steps;

@@ -14,6 +14,7 @@
 mod biped;
 mod certificate;
 mod condensed;
+mod contact_schedule;
 mod decomposed;
 mod full_order;
 mod guess;
@@ -35,9 +36,10 @@ mod verification;
 pub use biped::BipedPair;
 pub use certificate::certificate;
 pub use condensed::Condensed;
+pub use contact_schedule::ContactSchedule;
 pub use full_order::{
-    Missed, State, StateError, Transition, TransitionError, TransitionOptions, TransitionRequest, plan_full_order,
-    plan_transition, stride_start,
+    Missed, ScheduleOptions, SchedulePlan, State, StateError, Transition, TransitionError, TransitionOptions,
+    TransitionRequest, plan_full_order, plan_schedule, plan_transition, stride_start,
 };
 pub use guess::{Unreachable, nominal};
 pub use limits::ProgramSettings;
@@ -281,16 +283,21 @@ fn leg_length_m(robot: &Robot) -> f64 {
 
 /// Between the front and the rear hips, m.
 fn hip_distance_m(robot: &Robot) -> f64 {
+    let [front, rear, ..] = hip_x_m(robot);
+    (front - rear).abs()
+}
+
+/// x of every leg's hip from the base's origin, m.
+fn hip_x_m(robot: &Robot) -> [f64; 4] {
     let mut data = rigid_body::Data::new(&robot.model);
     let zero = vec![0.0; robot.model.dof()];
     rigid_body::forward_kinematics(&robot.model, &mut data, &zero, &zero, &zero);
     let names = robot.joint_names();
-    let x = |leg: usize| {
+    std::array::from_fn(|leg| {
         let dof = robot.model.joint_index(&names[3 * leg]).expect("the robot's joints are the model's");
         let frame = robot.model.frame_id(robot.model.link_name(dof)).expect("every link is a frame");
         rigid_body::frame_position(&robot.model, &data, frame).x
-    };
-    (x(0) - x(1)).abs()
+    })
 }
 
 #[cfg(test)]

@@ -68,6 +68,8 @@ pub(crate) struct Limits {
     pub torque_nm: [f64; 3],
     /// Of the force on a stance toe, N.
     pub force_n: [[f64; 3]; 2],
+    /// How far a toe may land from its foothold along x and along y, m.
+    pub foothold_tolerance_m: f64,
     /// Of the squared distance between the stance toes, m².
     pub toe_distance_squared_m2: [f64; 2],
 }
@@ -95,6 +97,7 @@ impl Limits {
             joint_acceleration_rad_s2: 3000.0,
             torque_nm: request.torque_limit_nm,
             force_n: [[-1e3, -1e3, settings.normal_force_min_share * robot.model.total_mass() * 9.81], [1e3, 1e3, 3e3]],
+            foothold_tolerance_m: toe_spare,
             toe_distance_squared_m2: [(toe_distance_m - toe_spare).powi(2), (toe_distance_m + toe_spare).powi(2)],
             settings: settings.clone(),
         }

@@ -135,11 +135,6 @@ pub(crate) fn gait(
 ) -> Result<Gait, PlanError> {
     let kp: [f64; JOINTS] = std::array::from_fn(|j| robot.gains.kp_nm_per_rad[j % 3]);
     let kd: [f64; JOINTS] = std::array::from_fn(|j| robot.gains.kd_nm_s_per_rad[j % 3]);
-    let first = &points[0];
-    let angles = [first.q[3], first.q[4], first.q[5]];
-    let orientation =
-        UnitQuaternion::from_rotation_matrix(&Rotation3::from_euler_angles(angles[0], angles[1], angles[2]));
-    let c = orientation.coords;
     let gait = Gait {
         robot: robot.name.clone(),
         name: request.behaviour.clone(),
@@ -151,15 +146,7 @@ pub(crate) fn gait(
         mirror: robot.mirror,
         second_step,
         lead: Vec::new(),
-        initial: InitialState {
-            // The plan's floor is the toe centres' plane, one toe radius above the real one.
-            base_position_m: [first.q[0], first.q[1], first.q[2] + robot.toe_radius_m],
-            base_quaternion_xyzw: [c.x, c.y, c.z, c.w],
-            base_linear_velocity_world: [first.v[0], first.v[1], first.v[2]],
-            base_angular_velocity_body: body_rates(angles, [first.v[3], first.v[4], first.v[5]]),
-            joint_position_rad: std::array::from_fn(|j| first.q[6 + j]),
-            joint_velocity_rad_s: std::array::from_fn(|j| first.v[6 + j]),
-        },
+        initial: initial_state(robot, &points[0]),
         reference_coefficients_rad: compensated_reference(robot, points, t),
         gains: Gains { kp, kd },
         torque_limit_nm: std::array::from_fn(|j| request.torque_limit_nm[j % 3]),
@@ -169,6 +156,23 @@ pub(crate) fn gait(
     };
     gait.validate()?;
     Ok(gait)
+}
+
+/// A point's state as a gait's start.
+pub(crate) fn initial_state(robot: &Robot, first: &PlanPoint) -> InitialState {
+    let angles = [first.q[3], first.q[4], first.q[5]];
+    let orientation =
+        UnitQuaternion::from_rotation_matrix(&Rotation3::from_euler_angles(angles[0], angles[1], angles[2]));
+    let c = orientation.coords;
+    InitialState {
+        // The plan's floor is the toe centres' plane, one toe radius above the real one.
+        base_position_m: [first.q[0], first.q[1], first.q[2] + robot.toe_radius_m],
+        base_quaternion_xyzw: [c.x, c.y, c.z, c.w],
+        base_linear_velocity_world: [first.v[0], first.v[1], first.v[2]],
+        base_angular_velocity_body: body_rates(angles, [first.v[3], first.v[4], first.v[5]]),
+        joint_position_rad: std::array::from_fn(|j| first.q[6 + j]),
+        joint_velocity_rad_s: std::array::from_fn(|j| first.v[6 + j]),
+    }
 }
 
 /// Angular velocity in the body's axes from the rates of roll, pitch, yaw (R = R_z R_y R_x).

@@ -13,6 +13,7 @@ use robot::Robot;
 
 mod between;
 pub use between::{BetweenPoints, between_points};
+pub(crate) use between::{DomainPlan, between_points_of_domain};
 
 /// How far the simulated step departs from the plan.
 #[derive(Clone, Debug, PartialEq)]

@@ -43,7 +43,7 @@ pub(super) fn leaning(request: &GaitRequest) -> impl Iterator<Item = (usize, f64
 /// state to state, which is to stay level.
 pub(super) fn tilt(schedule: &Schedule, request: &GaitRequest) -> Vec<Square> {
     let asked = [(3, request.torso_roll_rad), (4, request.torso_pitch_rad)];
-    let levelled = schedule.is_between() || !PlanarMotion::of(request).is_straight();
+    let levelled = schedule.is_between() || schedule.has_footholds() || !PlanarMotion::of(request).is_straight();
     asked
         .into_iter()
         .filter(|(_, angle)| levelled || *angle != 0.0)

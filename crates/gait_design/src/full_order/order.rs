@@ -29,7 +29,7 @@ pub(super) const FREE_OF_THE_LAW: usize = 128;
 
 /// The order for a schedule; none where the joints follow polynomials and other than two toes stand.
 pub(super) fn of(schedule: &Schedule, ties: Vec<usize>, joints_prescribed: bool) -> Option<Order> {
-    if joints_prescribed && schedule.domains.iter().any(|d| d.stance.len() != 2) {
+    if joints_prescribed && schedule.domains.iter().any(|d| d.redundant_joints.len() != 1) {
         return None;
     }
     let inputs = [schedule.t()].into_iter().chain(schedule.missed()).collect();
@@ -57,7 +57,7 @@ struct Along<'a> {
 
 impl Along<'_> {
     fn roll(&self) -> usize {
-        self.schedule.domains[self.domain].redundant_joint
+        self.schedule.domains[self.domain].redundant_joints[0]
     }
 
     /// Joints whose motion is their polynomials'.

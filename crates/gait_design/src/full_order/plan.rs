@@ -79,7 +79,7 @@ pub(super) fn program_and_start(
     let mut program =
         FullOrderProgram::new(&on_slope(robot, request), request, steps, settings, limits, options.reference);
     let mut start = match (offset, alike) {
-        (None, _) => start::of_four_legs(&program, &decomposed, level_robot, &moved)?,
+        (None, _) => start::of_four_legs(&program, decomposed.bipeds().hips_x_m(), level_robot, &moved)?,
         (_, true) => start::of_the_guess(&program, &mut decomposed, level_robot, &level)?,
         _ => start::of_the_plan(&program, &mut decomposed, planner, &level, options)?,
     };
@@ -169,11 +169,11 @@ pub(super) fn plan_of(
     let mut kept = check_steps(robot, request, &gait, [&points, &second_points]);
     if kept.is_err() && program.joints_prescribed {
         let t = gait.step_duration_s;
-        recompose::fit_stance_rolls(&mut gait.coefficients_rad, &[schedule.domains[0].redundant_joint], &points, t);
+        recompose::fit_stance_rolls(&mut gait.coefficients_rad, &schedule.domains[0].redundant_joints, &points, t);
         if let Some(second) = &mut gait.second_step {
             recompose::fit_stance_rolls(
                 &mut second.coefficients_rad,
-                &[schedule.domains[1].redundant_joint],
+                &schedule.domains[1].redundant_joints,
                 &second_points,
                 t,
             );

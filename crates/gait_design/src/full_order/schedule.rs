@@ -3,9 +3,10 @@
 
 use super::goal;
 use super::state::State;
+use crate::contact_schedule::{ContactSchedule, Phase};
 use crate::request::GaitRequest;
-use gait::{JOINTS, bezier};
-use robot::Robot;
+use gait::{JOINTS, LEGS, bezier};
+use robot::{Mirror, Robot};
 
 pub(super) const DOF: usize = 18;
 pub(super) const COEFFICIENTS: usize = bezier::DEGREE + 1;
@@ -13,6 +14,9 @@ pub(super) const COEFFICIENTS: usize = bezier::DEGREE + 1;
 /// Stance and swing legs of the first step; the second step's are their mirror images.
 const STANCE: [usize; 2] = [1, 2];
 const SWING: [usize; 2] = [0, 3];
+/// Points of a domain in which all legs stand: it is short. Fewer than there are coefficients would leave some of the
+/// reference's to nothing.
+const POINTS_OF_FOUR_LEGS: usize = 7;
 /// The leg whose stance hip roll the fixed distance of the stance toes determines.
 const REDUNDANT_LEG: usize = 2;
 
@@ -53,8 +57,19 @@ pub(super) struct Domain {
     pub share: f64,
     /// Hermite–Simpson points, odd.
     pub points: usize,
-    /// The joint whose ÿ row the fixed distance of the stance toes makes redundant.
-    pub redundant_joint: usize,
+    /// Joints whose ÿ rows the fixed distances of the stance toes make redundant, where joints are prescribed. Empty
+    /// where the domain is planned with the tracking law, which leaves no row redundant.
+    pub redundant_joints: Vec<usize>,
+    /// Where the legs that newly stand are to land, x and y in m. Empty where the stance toes' distance is bounded.
+    pub footholds: Vec<Foothold>,
+}
+
+/// A leg's place on the floor.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct Foothold {
+    pub leg: usize,
+    /// x, y in the world.
+    pub place_m: [f64; 2],
 }
 
 /// How a schedule's end meets its beginning.
@@ -116,13 +131,41 @@ impl Schedule {
         Self::new(Self::two_steps(robot, points).into(), Closure::Between(Box::new(states)))
     }
 
+    /// A contact schedule's first half where the second is its mirror image, else a stride. Footholds are none yet.
+    pub fn of_contacts(mirror: &Mirror, request: &GaitRequest, contacts: &ContactSchedule, points: usize) -> Self {
+        let domain = |phase: Phase| {
+            let legs = |stand: bool| (0..LEGS).filter(|leg| phase.stands[*leg] == stand).collect::<Vec<_>>();
+            let swing = legs(false);
+            let points = if swing.is_empty() { POINTS_OF_FOUR_LEGS } else { points };
+            let (redundant_joints, footholds) = (Vec::new(), Vec::new());
+            Domain { stance: legs(true), swing, share: phase.share, points, redundant_joints, footholds }
+        };
+        let mut phases = contacts.phases();
+        let closure = match (contacts.is_mirrored(), request.is_mirrored()) {
+            (true, true) => Closure::Mirrored,
+            (true, false) => {
+                let image = |phase: &Phase| {
+                    let mut stands = [false; LEGS];
+                    (0..LEGS).for_each(|leg| stands[mirror.leg[leg]] = phase.stands[leg]);
+                    Phase { stands, ..*phase }
+                };
+                let images: Vec<Phase> = phases.iter().map(image).collect();
+                phases.extend(images);
+                Closure::Moved
+            }
+            (false, _) => Closure::Moved,
+        };
+        Self::new(phases.into_iter().map(domain).collect(), closure)
+    }
+
     fn two_steps(robot: &Robot, points: usize) -> [Domain; 2] {
         let step = |leg: &dyn Fn(usize) -> usize| Domain {
             stance: STANCE.map(leg).to_vec(),
             swing: SWING.map(leg).to_vec(),
             share: 1.0,
             points,
-            redundant_joint: 3 * leg(REDUNDANT_LEG),
+            redundant_joints: vec![3 * leg(REDUNDANT_LEG)],
+            footholds: Vec::new(),
         };
         [step(&|leg| leg), step(&|leg| robot.mirror.leg[leg])]
     }
@@ -193,6 +236,35 @@ impl Schedule {
     /// The whole schedule's duration over T.
     pub fn duration(&self) -> f64 {
         self.domains.iter().map(|d| d.share).sum()
+    }
+
+    /// Legs that stand in the domain before, where there is one: the last one's, as the schedule closes, for the first.
+    fn stance_before(&self, mirror: &Mirror, domain: usize) -> Option<Vec<usize>> {
+        let last = &self.domains[(domain + self.domains.len() - 1) % self.domains.len()].stance;
+        match (&self.closure, domain) {
+            (Closure::Between(_), 0) => None,
+            (Closure::Mirrored, 0) => Some(last.iter().map(|&leg| mirror.leg[leg]).collect()),
+            _ => Some(last.clone()),
+        }
+    }
+
+    /// Legs that stand in a domain and did not before, or all where nothing is before.
+    pub fn newly_standing(&self, mirror: &Mirror, domain: usize) -> Vec<usize> {
+        let before = self.stance_before(mirror, domain).unwrap_or_default();
+        self.domains[domain].stance.iter().copied().filter(|leg| !before.contains(leg)).collect()
+    }
+
+    /// Legs that swing in a domain and stand in the next one, the first as the schedule closes.
+    pub fn landing(&self, mirror: &Mirror, domain: usize) -> Vec<usize> {
+        let next = &self.domains[(domain + 1) % self.domains.len()].stance;
+        let is_mirrored = domain + 1 == self.domains.len() && self.closure == Closure::Mirrored;
+        let stands = |leg: &usize| next.contains(&if is_mirrored { mirror.leg[*leg] } else { *leg });
+        self.domains[domain].swing.iter().copied().filter(stands).collect()
+    }
+
+    /// Whether legs are to land at places of their own.
+    pub fn has_footholds(&self) -> bool {
+        self.domains.iter().any(|d| !d.footholds.is_empty())
     }
 
     /// For names: which step a domain is, where there is more than one.

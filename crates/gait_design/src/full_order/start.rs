@@ -2,6 +2,7 @@
 //! first, bent where the gait turns or steps aside; or from the kinematics of all four legs.
 
 use super::FullOrderProgram;
+use super::footfalls::Footfalls;
 use super::schedule::{COEFFICIENTS, DOF, Place, at};
 use super::stride::mirror_point;
 use crate::decomposed::DecomposedPlanner;
@@ -51,7 +52,8 @@ pub(super) fn bent(
     mut straight_x: Vec<f64>,
     [straight, moved]: [&GaitRequest; 2],
 ) -> Result<Vec<f64>, Unreachable> {
-    let [from, to] = [straight, moved].map(|request| of_four_legs(program, decomposed, robot, request));
+    let hip_x_m = decomposed.bipeds().hips_x_m();
+    let [from, to] = [straight, moved].map(|request| of_four_legs(program, hip_x_m, robot, request));
     for (x, (from, to)) in straight_x.iter_mut().zip(from?.into_iter().zip(to?)) {
         *x += to - from;
     }
@@ -60,15 +62,16 @@ pub(super) fn bent(
 
 /// All four legs by inverse kinematics, as [`crate::guess::nominal`] places the front ones: the body glides along its
 /// motion, a stance toe is at its place under the body in the middle of its stance, swing toes go from one such place
-/// to the next. `robot` is on the slope; `decomposed` knows where the hips are.
+/// to the next. `robot` is on the slope; `hip_x_m` is where its hips are.
 pub(super) fn of_four_legs(
     program: &FullOrderProgram,
-    decomposed: &DecomposedProgram,
+    hip_x_m: [f64; 4],
     robot: &Robot,
     request: &GaitRequest,
 ) -> Result<Vec<f64>, Unreachable> {
     let schedule = &program.schedule;
-    let glide = Glide { request, motion: PlanarMotion::of(request), decomposed };
+    let footfalls = schedule.has_footholds().then(|| Footfalls::new(schedule, &robot.mirror, request, hip_x_m));
+    let glide = Glide { request, motion: PlanarMotion::of(request), hip_x_m, footfalls };
     let mut x = vec![0.0; schedule.unknowns];
     x[schedule.t()] = request.step_duration_s;
     let mut near = robot.stand_rad();
@@ -103,7 +106,9 @@ pub(super) fn of_four_legs(
 struct Glide<'a> {
     request: &'a GaitRequest,
     motion: PlanarMotion,
-    decomposed: &'a DecomposedProgram,
+    hip_x_m: [f64; 4],
+    /// Of schedules with footholds; the trot's are said by its steps.
+    footfalls: Option<Footfalls>,
 }
 
 impl Glide<'_> {
@@ -120,11 +125,14 @@ impl Glide<'_> {
     /// A toe's place on the floor when the body is where it is at `t`.
     fn under_the_body(&self, leg: usize, t: f64) -> Vector2<f64> {
         let half_width_m = if leg < 2 { self.request.half_width_m } else { -self.request.half_width_m };
-        let toe = Vector2::new(self.decomposed.bipeds().hip_x_m(leg), half_width_m);
+        let toe = Vector2::new(self.hip_x_m[leg], half_width_m);
         self.motion.displacement_m(t) + self.motion.rotation(t) * toe
     }
 
     fn toe(&self, place: &Place, leg: usize, is_stance: bool) -> Vector3<f64> {
+        if let Some(footfalls) = &self.footfalls {
+            return footfalls.toe(leg, place, self.time_s(place));
+        }
         let duration_s = place.share * self.request.step_duration_s;
         let middle_s = self.time_s(place) + (0.5 - place.phase) * duration_s;
         if is_stance {
@@ -138,7 +146,7 @@ impl Glide<'_> {
     fn unreachable(&self, robot: &Robot, place: &Place, leg: usize, toe: Vector3<f64>) -> Unreachable {
         let t = self.time_s(place);
         let in_body = self.motion.rotation(t).transpose() * (toe.xy() - self.motion.displacement_m(t));
-        Unreachable::new(robot, self.request, leg, in_body.push(toe.z), self.decomposed.bipeds().hip_x_m(leg))
+        Unreachable::new(robot, self.request, leg, in_body.push(toe.z), self.hip_x_m[leg])
     }
 
     /// A point's unknowns, its joints on the polynomials `fit`.

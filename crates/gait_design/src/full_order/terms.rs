@@ -4,6 +4,7 @@ mod arrival;
 mod centred;
 mod collocation;
 mod dynamics;
+mod foothold;
 mod friction;
 mod outputs;
 mod stance;
@@ -113,14 +114,18 @@ impl Terms {
             let (first, step) = (schedule.places_of(domain)[0], schedule.step_of(domain));
             // Where a given state begins, its toes are where they are.
             if domain > 0 || !schedule.is_between() {
-                terms.add(start::OnTheFloor::new(first, d.stance.clone(), step));
-                terms.add(start::ToeDistance::new(first, [d.stance[0], d.stance[1]], asked.limits, step));
+                terms.add(start::OnTheFloor::new(first, schedule.newly_standing(&asked.robot.mirror, domain), step));
+                if schedule.has_footholds() {
+                    terms.add(foothold::Footholds::new(first, d.footholds.clone(), asked.limits, step));
+                } else {
+                    terms.add(start::ToeDistance::new(first, [d.stance[0], d.stance[1]], asked.limits, step));
+                }
             }
             if asked.joints_prescribed {
                 terms.add(start::OnPolynomials::new(first, step));
             }
         }
-        for (domain, d) in schedule.domains.iter().enumerate() {
+        for domain in 0..schedule.domains.len() {
             let end = *schedule.places_of(domain).last().expect("a domain has points");
             let step = schedule.step_of(domain);
             if domain + 1 == schedule.domains.len()
@@ -129,7 +134,7 @@ impl Terms {
                 terms.add(arrival::Arrival::new(asked, end, &states[1]));
             } else {
                 terms.add(switch::Switch::new(asked, end));
-                terms.add(touchdown::SoftTouchdown::new(end, d.swing.clone(), step));
+                terms.add(touchdown::SoftTouchdown::new(end, schedule.landing(&asked.robot.mirror, domain), step));
             }
         }
         if schedule.closure == Closure::Moved {
@@ -143,7 +148,7 @@ impl Terms {
         let suffix = format!(", point {} of {}{}", place.point + 1, place.points, asked.schedule.step_of(place.domain));
         self.add(dynamics::Dynamics::new(*place, d.stance.clone(), suffix.clone()));
         if asked.joints_prescribed {
-            self.add(outputs::PrescribedJoints::new(*place, d.redundant_joint, suffix.clone()));
+            self.add(outputs::PrescribedJoints::new(*place, d.redundant_joints.clone(), suffix.clone()));
         } else {
             self.add(tracking_law::TrackingLaw::new(*place, asked.robot, suffix.clone()));
         }

@@ -342,10 +342,10 @@ fn check_between(
     };
     check(gait).or_else(|_| {
         let t = gait.step_duration_s;
-        let rolls = [0, 1].map(|step| [schedule.domains[step].redundant_joint]);
-        recompose::fit_stance_rolls(&mut gait.coefficients_rad, &rolls[0], &points[0], t);
+        let rolls = [0, 1].map(|step| &schedule.domains[step].redundant_joints);
+        recompose::fit_stance_rolls(&mut gait.coefficients_rad, rolls[0], &points[0], t);
         let second = gait.second_step.as_mut().expect("two steps of their own");
-        recompose::fit_stance_rolls(&mut second.coefficients_rad, &rolls[1], &points[1], t);
+        recompose::fit_stance_rolls(&mut second.coefficients_rad, rolls[1], &points[1], t);
         check(gait)
     })
 }

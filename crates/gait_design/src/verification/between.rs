@@ -7,7 +7,7 @@ use crate::recompose::PlanPoint;
 use crate::refine::integral;
 use crate::request::GaitRequest;
 use crate::tolerance::Tolerances;
-use gait::{Gait, JOINTS, StepSide};
+use gait::{Domain, Gait, JOINTS, LEGS, StepSide};
 use nalgebra::Vector3;
 use rigid_body::{Data, rnea};
 use robot::Robot;
@@ -27,7 +27,7 @@ pub struct BetweenPoints {
     pub swing_below_floor_m: f64,
     /// How far a joint is outside its range, rad.
     pub joint_range_rad: f64,
-    /// How far a joint is from its polynomial, rad.
+    /// How far a joint is from its polynomial, rad; 0 where it is not held to it.
     pub polynomial_rad: f64,
     /// How much faster than its limit a joint moves, rad/s: hip roll, hip pitch, knee.
     pub joint_velocity_rad_s: [f64; 3],
@@ -80,13 +80,13 @@ impl BetweenPoints {
     }
 }
 
-/// What is looked at in a sample: how far each number is beyond its limit.
+/// What is looked at in a sample: how far each number is beyond its limit, 0 of legs that it does not concern.
 #[derive(Clone, Copy)]
 struct Sample {
     imbalance: f64,
-    stance_slip_m: [f64; 2],
-    swing_below_floor_m: [f64; 2],
-    ground_force_n: [f64; 2],
+    stance_slip_m: [f64; LEGS],
+    swing_below_floor_m: [f64; LEGS],
+    ground_force_n: [f64; LEGS],
     joint_range_rad: [f64; JOINTS],
     polynomial_rad: [f64; JOINTS],
     joint_velocity_rad_s: [f64; JOINTS],
@@ -94,7 +94,9 @@ struct Sample {
 }
 
 /// Numbers of a [`Sample`].
-const NUMBERS: usize = 7 + 4 * JOINTS;
+const NUMBERS: usize = OF_LEGS + 4 * JOINTS;
+/// Those before the joints'.
+const OF_LEGS: usize = 1 + 3 * LEGS;
 
 impl Sample {
     fn numbers(&self) -> [f64; NUMBERS] {
@@ -114,13 +116,13 @@ impl Sample {
     }
 
     fn of(numbers: &[f64; NUMBERS]) -> Self {
-        let (small, joints) = numbers.split_at(7);
-        let (two, twelve) = (small[1..].as_chunks::<2>().0, joints.as_chunks::<JOINTS>().0);
+        let (small, joints) = numbers.split_at(OF_LEGS);
+        let (four, twelve) = (small[1..].as_chunks::<LEGS>().0, joints.as_chunks::<JOINTS>().0);
         Self {
             imbalance: numbers[0],
-            stance_slip_m: two[0],
-            swing_below_floor_m: two[1],
-            ground_force_n: two[2],
+            stance_slip_m: four[0],
+            swing_below_floor_m: four[1],
+            ground_force_n: four[2],
             joint_range_rad: twelve[0],
             polynomial_rad: twelve[1],
             joint_velocity_rad_s: twelve[2],
@@ -172,30 +174,23 @@ impl Peaks {
 struct Sampler<'a> {
     robot: &'a Robot,
     request: &'a GaitRequest,
-    gait: &'a Gait,
+    planned: DomainPlan<'a>,
     data: Data,
-    side: StepSide,
-    stance: [usize; 2],
-    swing: [usize; 2],
-    /// Where the stance toes stood in the first sample.
-    stood: Option<[Vector3<f64>; 2]>,
+    /// Where the toes were in the first sample.
+    stood: Option<[Vector3<f64>; LEGS]>,
     motion: PlanarMotion,
     normal_force_min_n: f64,
     friction_face: f64,
 }
 
 impl<'a> Sampler<'a> {
-    fn new(robot: &'a Robot, request: &'a GaitRequest, gait: &'a Gait, points: &[PlanPoint]) -> Self {
-        let (side, stance, swing) = step_of(points);
+    fn new(robot: &'a Robot, request: &'a GaitRequest, planned: DomainPlan<'a>) -> Self {
         let share = crate::ProgramSettings::default().normal_force_min_share;
         Self {
             robot,
             request,
-            gait,
+            planned,
             data: Data::new(&robot.model),
-            side,
-            stance,
-            swing,
             stood: None,
             motion: PlanarMotion::of(request),
             normal_force_min_n: share * robot.model.total_mass() * 9.81,
@@ -213,36 +208,47 @@ impl<'a> Sampler<'a> {
         let v: [f64; 18] = std::array::from_fn(|i| p0.v[i] + weighed(integral, [p0.a[i], p1.a[i], p2.a[i]]));
         let a: [f64; 18] = std::array::from_fn(|i| weighed(value, [p0.a[i], p1.a[i], p2.a[i]]));
         let Self { robot, request, data, .. } = self;
-        let forces = self.stance.map(|leg| {
+        let (stands, joints_prescribed) = (self.planned.domain.stands, self.planned.joints_prescribed);
+        let force: [Vector3<f64>; LEGS] = std::array::from_fn(|leg| {
             let of = |k: usize| [p0, p1, p2].map(|p| p.ground_force_n[leg][k]);
-            (robot.legs[leg].toe, Vector3::from_fn(|k, _| weighed(value, of(k))))
+            Vector3::from_fn(|k, _| weighed(value, of(k)))
         });
-        let tau = rnea(&robot.model, data, &q, &v, &a, &forces);
+        let mut forces = [(robot.legs[0].toe, Vector3::zeros()); LEGS];
+        let mut standing = 0;
+        for leg in (0..LEGS).filter(|leg| stands[*leg]) {
+            forces[standing] = (robot.legs[leg].toe, force[leg]);
+            standing += 1;
+        }
+        let tau = rnea(&robot.model, data, &q, &v, &a, &forces[..standing]);
         let imbalance = tau.rows(0, 6).amax();
         let tau: [f64; JOINTS] = std::array::from_fn(|j| tau[6 + j]);
-        let toe = |leg: usize| rigid_body::frame_position(&robot.model, data, robot.legs[leg].toe);
-        let standing = self.stance.map(toe);
-        let start = *self.stood.get_or_insert(standing);
+        let toes: [Vector3<f64>; LEGS] =
+            std::array::from_fn(|leg| rigid_body::frame_position(&robot.model, data, robot.legs[leg].toe));
+        let start = *self.stood.get_or_insert(toes);
         let phase = p0.phase + s * (p2.phase - p0.phase);
-        let (planned, _) = self.gait.planned(self.side, phase);
+        let (planned, _) = self.planned.domain.planned(phase);
         let beyond = |j: usize| {
             let leg = &robot.legs[j / 3];
             (leg.position_min_rad[j % 3] - q[6 + j]).max(q[6 + j] - leg.position_max_rad[j % 3])
         };
         // The pyramid turns with the robot, as in the program.
-        let steps_before = if self.side == StepSide::First { 0.0 } else { 1.0 };
-        let axes = self.motion.rotation((steps_before + phase) * request.step_duration_s);
+        let time = self.planned.before + self.planned.share * phase;
+        let axes = self.motion.rotation(time * request.step_duration_s);
         let outside = |f: &Vector3<f64>| {
             let needed = axes.tr_mul(&f.xy()).amax() - self.friction_face * f.z;
             needed.max(self.normal_force_min_n - f.z)
         };
+        let departs = |q: f64, planned: f64| if joints_prescribed { (q - planned).abs() } else { 0.0 };
+        let of_legs = |stand: bool, value: &dyn Fn(usize) -> f64| -> [f64; LEGS] {
+            std::array::from_fn(|leg| if stands[leg] == stand { value(leg) } else { 0.0 })
+        };
         Sample {
             imbalance,
-            stance_slip_m: std::array::from_fn(|k| (standing[k] - start[k]).norm()),
-            swing_below_floor_m: self.swing.map(|leg| -toe(leg).z),
-            ground_force_n: forces.map(|(_, force)| outside(&force)),
+            stance_slip_m: of_legs(true, &|leg| (toes[leg] - start[leg]).norm()),
+            swing_below_floor_m: of_legs(false, &|leg| -toes[leg].z),
+            ground_force_n: of_legs(true, &|leg| outside(&force[leg])),
             joint_range_rad: std::array::from_fn(beyond),
-            polynomial_rad: std::array::from_fn(|j| (q[6 + j] - planned[j]).abs()),
+            polynomial_rad: std::array::from_fn(|j| departs(q[6 + j], planned[j])),
             joint_velocity_rad_s: std::array::from_fn(|j| v[6 + j].abs() - robot.limits.velocity_rad_s[j % 3]),
             torque_nm: std::array::from_fn(|j| tau[j].abs() - request.torque_limit_nm[j % 3]),
         }
@@ -262,8 +268,34 @@ fn between_points_by(
     points: &[PlanPoint],
     samples: usize,
 ) -> BetweenPoints {
-    let h = 2.0 * gait.step_duration_s / (points.len() - 1) as f64;
-    let mut sampler = Sampler::new(robot, request, gait, points);
+    let (side, ..) = step_of(points);
+    let domain = &gait.schedule()[side as usize];
+    let before = if side == StepSide::First { 0.0 } else { 1.0 };
+    between_by(robot, request, DomainPlan { domain, before, share: 1.0, points, joints_prescribed: true }, samples)
+}
+
+/// What was planned of a domain.
+#[derive(Clone, Copy)]
+pub(crate) struct DomainPlan<'a> {
+    pub domain: &'a Domain,
+    /// Duration of what comes before it over T.
+    pub before: f64,
+    /// Its own duration over T.
+    pub share: f64,
+    pub points: &'a [PlanPoint],
+    /// Whether the joints are to be on their polynomials, or where the law about a planned reference leads them.
+    pub joints_prescribed: bool,
+}
+
+/// Looks at a domain of any stance legs between its points. For a plan on a slope, `robot` is [`crate::on_slope`]'s.
+pub(crate) fn between_points_of_domain(robot: &Robot, request: &GaitRequest, planned: DomainPlan) -> BetweenPoints {
+    between_by(robot, request, planned, SAMPLES)
+}
+
+fn between_by(robot: &Robot, request: &GaitRequest, planned: DomainPlan, samples: usize) -> BetweenPoints {
+    let points = planned.points;
+    let h = 2.0 * planned.domain.duration_s / (points.len() - 1) as f64;
+    let mut sampler = Sampler::new(robot, request, planned);
     let mut peaks = Peaks::new();
     for three in points.windows(3).step_by(2) {
         let three = [&three[0], &three[1], &three[2]];

@@ -8,15 +8,15 @@ use gait::{Coefficients, JOINTS, bezier};
 /// At a point; rows are joints, rad.
 pub(super) struct PrescribedJoints {
     place: Place,
-    /// Its row is left out at most points: the fixed distance of the stance toes says the same.
-    redundant_joint: usize,
+    /// Their rows are left out at most points: the fixed distances of the stance toes say the same.
+    redundant_joints: Vec<usize>,
     basis: Coefficients,
     suffix: String,
 }
 
 impl PrescribedJoints {
-    pub fn new(place: Place, redundant_joint: usize, suffix: String) -> Self {
-        Self { place, redundant_joint, basis: bezier::basis_second_derivative(place.phase), suffix }
+    pub fn new(place: Place, redundant_joints: Vec<usize>, suffix: String) -> Self {
+        Self { place, redundant_joints, basis: bezier::basis_second_derivative(place.phase), suffix }
     }
 }
 
@@ -24,7 +24,7 @@ impl Term for PrescribedJoints {
     fn bounds(&self) -> Vec<[f64; 2]> {
         let mut bounds = vec![EQUAL; JOINTS];
         if !keeps_stance_roll(self.place.point, self.place.points) {
-            bounds[self.redundant_joint] = FREE;
+            self.redundant_joints.iter().for_each(|&j| bounds[j] = FREE);
         }
         bounds
     }
