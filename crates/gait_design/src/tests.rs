@@ -68,7 +68,7 @@ fn the_five_gaits_of_table_i_converge_to_the_independent_optimum() {
     let defaults = PEER_COSTS.map(|(name, peer, _)| (GaitRequest::named(name, &robot).unwrap(), peer));
     let steps = PEER_COSTS.map(|(name, _, peer)| (as_steps(name, &robot), peer));
     // The defaults take 6, 6, 6, 6 and 7 iterations.
-    let most = [7; 5].into_iter().chain([8; 5]);
+    let most = [7; 5].into_iter().chain([10; 5]);
     for ((request, peer), most) in defaults.into_iter().chain(steps).zip(most) {
         let name = &request.behaviour;
         let plan = plan(&robot, &request, &PlanOptions::default(), go_on).unwrap();
