@@ -1,7 +1,8 @@
 //! Gaits of other schedules than the trot: their programs' derivatives, and what they are.
 
 use super::*;
-use crate::tests::{agrees_with_central_differences, go_on, noise, vision60};
+use crate::tests::{go_on, noise, vision60};
+use crate::tests_derivatives::agrees_with_central_differences;
 
 /// Slow enough for every schedule.
 fn slow(step_duration_s: f64, speed_m_s: f64) -> GaitRequest {
