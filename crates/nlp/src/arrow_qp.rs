@@ -128,7 +128,7 @@ pub struct DualActiveSet<const W: usize> {
     /// Upper triangular, one column after the other, packed: column k starts at k (k + 1) / 2.
     r: Vec<f64>,
     scale: Vec<f64>,
-    /// Rows to try first: those active in the last solve, then those broken when all were looked at.
+    /// Rows to try first: those active in the last solve.
     first: Vec<usize>,
     /// Shared unknowns that some row holds: the others may be there only to fill the width.
     shared_held: usize,
@@ -273,44 +273,30 @@ impl<const W: usize> DualActiveSet<W> {
         if side > 0.0 { self.value(row) - row.lower } else { row.upper - self.value(row) }
     }
 
-    /// The most broken of the rows to try first or, when none of them is, of all. Those broken then are the rows to try
-    /// first from there on: most rows never are, and looking at all of them takes longer than adding one.
+    /// The most broken of the rows to try first or, when none of them is, of all.
     #[inline(always)]
-    fn most_broken(&mut self, qp: &ArrowQp<W>) -> Option<(usize, f64)> {
-        let mut worst = None;
-        let mut worst_amount = -TOLERANCE;
-        for &i in &self.first {
-            self.compare(qp, i, &mut worst, &mut worst_amount);
+    fn most_broken(&self, qp: &ArrowQp<W>) -> Option<(usize, f64)> {
+        // No `or_else`: a closure is compiled by itself, and not for wider registers.
+        match self.most_broken_of(qp, self.first.iter().copied()) {
+            None => self.most_broken_of(qp, 0..qp.rows.len()),
+            broken => broken,
         }
-        if worst.is_some() {
-            return worst;
-        }
-        let mut first = std::mem::take(&mut self.first);
-        first.clear();
-        for i in 0..qp.rows.len() {
-            if self.compare(qp, i, &mut worst, &mut worst_amount) {
-                first.push(i);
-            }
-        }
-        self.first = first;
-        worst
     }
 
-    /// Whether a row is broken; it becomes the worst where it is the most broken one so far.
     #[inline(always)]
-    fn compare(&self, qp: &ArrowQp<W>, i: usize, worst: &mut Option<(usize, f64)>, worst_amount: &mut f64) -> bool {
-        let row = &qp.rows[i];
-        let value = self.value(row);
-        let (low, high) = (value - row.lower, row.upper - value);
-        let (slack, side) = if low < high { (low, 1.0) } else { (high, -1.0) };
-        let is_broken = slack < -TOLERANCE * self.scale[i];
-        if is_broken
-            && slack < *worst_amount * self.scale[i]
-            && !self.active.iter().any(|a| a.row == i && a.side == side)
-        {
-            (*worst, *worst_amount) = (Some((i, side)), slack / self.scale[i]);
+    fn most_broken_of(&self, qp: &ArrowQp<W>, rows: impl Iterator<Item = usize>) -> Option<(usize, f64)> {
+        let mut worst = None;
+        let mut worst_amount = -TOLERANCE;
+        for i in rows {
+            let row = &qp.rows[i];
+            let value = self.value(row);
+            let (low, high) = (value - row.lower, row.upper - value);
+            let (slack, side) = if low < high { (low, 1.0) } else { (high, -1.0) };
+            if slack < worst_amount * self.scale[i] && !self.active.iter().any(|a| a.row == i && a.side == side) {
+                (worst, worst_amount) = (Some((i, side)), slack / self.scale[i]);
+            }
         }
-        is_broken
+        worst
     }
 
     /// The Hessian's factor, the other unknowns first: √d, then b / √d, then the shared block's.
