@@ -50,11 +50,11 @@ pub struct Arguments {
     /// Forward speed, m/s; negative walks backward
     #[arg(long, value_name = "M/S", allow_negative_numbers = true)]
     speed: Option<f64>,
-    /// Speed to the left, m/s; negative is to the right. Two steps are planned, by the full-order program: tenths of a
-    /// second
+    /// Speed to the left, m/s; negative is to the right. Two steps are planned, by the full-order program: tens of
+    /// milliseconds
     #[arg(long, value_name = "M/S", allow_negative_numbers = true)]
     lateral_speed: Option<f64>,
-    /// Yaw rate, rad/s; positive turns to the left. Speeds are in axes that turn along. Two steps: tenths of a second
+    /// Yaw rate, rad/s; positive turns to the left. Speeds are in axes that turn along. Two steps, as above
     #[arg(long, value_name = "RAD/S", allow_negative_numbers = true)]
     yaw_rate: Option<f64>,
     /// Hip axes above the toe centres, m
@@ -67,14 +67,14 @@ pub struct Arguments {
     #[arg(long, value_name = "DEG", allow_negative_numbers = true)]
     slope: Option<f64>,
     /// Slope of the ground across the walk, degrees; positive rises to the left. Two steps are planned, by the
-    /// full-order program: tenths of a second instead of milliseconds
+    /// full-order program: tens of milliseconds
     #[arg(long, value_name = "DEG", allow_negative_numbers = true)]
     sideways_slope: Option<f64>,
-    /// Pitch that the torso is held at, degrees; positive lowers its nose. Planned by the full-order program: tenths of
-    /// a second
+    /// Pitch that the torso is held at, degrees; positive lowers its nose. Planned by the full-order program: tens of
+    /// milliseconds
     #[arg(long, value_name = "DEG", allow_negative_numbers = true)]
     torso_pitch: Option<f64>,
-    /// Roll that the torso is held at, degrees; positive lowers its right side. Two steps: tenths of a second
+    /// Roll that the torso is held at, degrees; positive lowers its right side. Two steps: tens of milliseconds
     #[arg(long, value_name = "DEG", allow_negative_numbers = true)]
     torso_roll: Option<f64>,
     /// Friction coefficient that the plan may use
@@ -131,8 +131,7 @@ enum ReferenceArgument {
     Compensated,
     /// The planned joints themselves: the robot sags, for comparison
     PlannedJoints,
-    /// A reference planned inside the full-order program, with the law's torques: tenths of a second instead of
-    /// milliseconds
+    /// A reference planned inside the full-order program, with the law's torques: tens of milliseconds
     InProgram,
 }
 
