@@ -46,8 +46,8 @@ fn what_goes_to_the_right_is_the_mirror_image_of_what_goes_to_the_left() {
 fn between_strides_a_library_states_what_interpolation_breaks_and_gives_a_start() {
     let robot = vision60();
     let library = solved(&robot, Library::new(&robot, grid(&robot)));
-    let middle =
-        GaitRequest { speed_m_s: 0.275, lateral_speed_m_s: -0.05, yaw_rate_rad_s: 0.1, ..library.grid().request(0) };
+    let corner = library.grid().request(0);
+    let middle = GaitRequest { speed_m_s: 0.275, lateral_speed_m_s: -0.05, yaw_rate_rad_s: 0.1, ..corner };
     let between = library.find(&robot, &middle).unwrap();
     println!("{:?}", between.violation);
     assert_eq!((between.neighbours.len(), between.gait.solver.status.as_str()), (8, "interpolated"));

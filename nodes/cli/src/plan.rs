@@ -107,7 +107,7 @@ pub struct Arguments {
     /// Compute the multipliers of the step-to-step map under the tracking law
     #[arg(long)]
     stability: bool,
-    /// Plan the two steps from standing to the gait as well, by the full-order program: a tenth of a second. They are
+    /// Plan the two steps from standing to the gait as well, by the full-order program: tens of milliseconds. They are
     /// reported, with --json polynomials and all, and the gait file has them as its lead, which is walked once before
     /// the first step
     #[arg(long, conflicts_with = "table")]

@@ -3,7 +3,7 @@
 //! the forces inside three and four stance legs, which nothing else would determine.
 
 use super::footfalls::Footfalls;
-use super::schedule::{COEFFICIENTS, Schedule};
+use super::schedule::Schedule;
 use super::{FullOrderProgram, start};
 use crate::contact_schedule::ContactSchedule;
 use crate::limits::{Limits, ProgramSettings};
@@ -120,16 +120,7 @@ fn program_and_start(
     let mut program = FullOrderProgram::over(schedule, robot, request, settings, &limits, Reference::InProgram);
     let mut x = start::of_four_legs(&program, hips, robot, request)?;
     program.stay_near(&x);
-    // The reference that leads along the start: where the law is to hold, it nearly does.
-    let (schedule, t) = (&program.schedule, x[program.schedule.t()]);
-    for (domain, d) in schedule.domains.iter().enumerate() {
-        let reference = recompose::compensated_reference(robot, &program.plan_points(&x, domain), t * d.share);
-        for j in 0..JOINTS {
-            for k in 0..COEFFICIENTS {
-                x[schedule.alpha(domain, k, j)] = reference[j][k];
-            }
-        }
-    }
+    start::put_reference(&program, robot, &mut x);
     Ok((program, x))
 }
 

@@ -1,7 +1,7 @@
 //! A plan by the full-order program.
 
 use super::planning::{FullOrderPlanner, Program};
-use super::schedule::{COEFFICIENTS, Steps};
+use super::schedule::Steps;
 use super::{FullOrderProgram, start};
 use crate::certificate::certificate;
 use crate::decomposed::DecomposedPlanner;
@@ -87,21 +87,11 @@ pub(super) fn program_and_start(
         start = start::bent(&program, &decomposed, level_robot, start, [&level, &moved])?;
     }
     let robot = &on_slope(robot, request);
-    let schedule = program.schedule.clone();
     if !alike {
         program.stay_near(&start);
     }
     if !program.joints_prescribed {
-        // The reference that leads along the start: where the law is to hold, it nearly does.
-        for step in 0..schedule.domains.len() {
-            let reference =
-                recompose::compensated_reference(robot, &program.plan_points(&start, step), start[schedule.t()]);
-            for j in 0..JOINTS {
-                for k in 0..COEFFICIENTS {
-                    start[schedule.alpha(step, k, j)] = reference[j][k];
-                }
-            }
-        }
+        start::put_reference(&program, robot, &mut start);
     }
     Ok((program, start, alike))
 }

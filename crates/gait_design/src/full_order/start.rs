@@ -9,6 +9,7 @@ use crate::decomposed::DecomposedPlanner;
 use crate::guess::{self, Unreachable, swing_arc};
 use crate::planar::PlanarMotion;
 use crate::program::DecomposedProgram;
+use crate::recompose::compensated_reference;
 use crate::request::GaitRequest;
 use crate::{PlanOptions, SubproblemSolver, on_slope};
 use gait::{JOINTS, bezier};
@@ -206,6 +207,19 @@ pub(super) fn put_point(
     point[at::U..at::LAMBDA].copy_from_slice(&tau.as_slice()[6..]);
     for toe in point[at::LAMBDA..].chunks_mut(3) {
         toe.copy_from_slice(force.as_slice());
+    }
+}
+
+/// Puts the reference that leads along a start in place of its polynomials: where the law is to hold, it nearly does.
+pub(super) fn put_reference(program: &FullOrderProgram, robot: &Robot, x: &mut [f64]) {
+    let (schedule, t) = (&program.schedule, x[program.schedule.t()]);
+    for (domain, d) in schedule.domains.iter().enumerate() {
+        let reference = compensated_reference(robot, &program.plan_points(x, domain), t * d.share);
+        for j in 0..JOINTS {
+            for k in 0..COEFFICIENTS {
+                x[schedule.alpha(domain, k, j)] = reference[j][k];
+            }
+        }
     }
 }
 
