@@ -94,3 +94,16 @@ fn a_grid_without_both_sides_has_no_mirror_images() {
         assert!((0..3).all(|i| grid.mirror_of(i).is_none()));
     }
 }
+
+#[test]
+fn a_library_on_a_sideways_slope_is_of_strides() {
+    let robot = vision60();
+    let base = GaitRequest { sideways_slope_rad: 0.1, ..as_steps("amble", &robot) };
+    let axis = Axis { field: Field::SpeedMS, values: vec![0.1, 0.3] };
+    let library = solved(&robot, Library::new(&robot, Grid::new(&robot, base, vec![axis]).unwrap()));
+    for index in [0, 1] {
+        let request = library.grid().request(index);
+        let found = library.find(&robot, &request).unwrap();
+        assert!(found.violation.amount < 1e-5 && found.gait.second_step.is_some(), "{:?}", found.violation);
+    }
+}
