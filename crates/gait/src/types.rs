@@ -151,6 +151,6 @@ pub struct Certificate {
     /// How far from its place a swing toe would meet a floor that is 1 % of the nominal height higher, m. A toe that
     /// skims the floor before it lands is held back by it, and touchdown is not by the clock.
     pub landing_run_m: f64,
-    /// Whether both say that the gait stands by itself.
+    /// Whether both say that the gait stands by itself, and no disturbance grows far within a step before it shrinks.
     pub stable: bool,
 }

@@ -23,6 +23,8 @@ use robot::Robot;
 const RAISED_SHARE: f64 = 0.01;
 /// Longest landing run of a gait that is called stable, as a share of the nominal height: 2 cm on the Vision 60.
 const RUN_SHARE: f64 = 0.036;
+/// Largest growth of a disturbance within a step of a gait that is called stable.
+pub const MOST_STEP_GROWTH: f64 = 10.0;
 
 /// The certificate of a plan, whose points and second points are [`crate::Plan`]'s. For a plan on a slope, `robot` is
 /// [`crate::on_slope`]'s. There is none where the law follows the planned joints themselves: it gives other torques,
@@ -40,10 +42,12 @@ pub fn certificate(
     if reference == Reference::PlannedJoints {
         return Ok(None);
     }
-    let largest_multiplier = stability(robot, gait, points, second_points)?.spectral_radius();
+    let stability = stability(robot, gait, points, second_points)?;
+    let largest_multiplier = stability.spectral_radius();
     let steps = [points, second_points].into_iter().filter(|points| !points.is_empty());
     let landing_run_m = steps.map(|points| landing_run_m(robot, gait, points)).fold(0.0, f64::max);
-    let stable = largest_multiplier < 1.0 && landing_run_m <= RUN_SHARE * robot.nominal.height_m;
+    let lands_by_the_clock = landing_run_m <= RUN_SHARE * robot.nominal.height_m;
+    let stable = largest_multiplier < 1.0 && stability.step_growth <= MOST_STEP_GROWTH && lands_by_the_clock;
     Ok(Some(Certificate { points: points.len() as u32, largest_multiplier, landing_run_m, stable }))
 }
 

@@ -34,7 +34,7 @@ mod tolerance;
 mod verification;
 
 pub use biped::BipedPair;
-pub use certificate::certificate;
+pub use certificate::{MOST_STEP_GROWTH, certificate};
 pub use condensed::Condensed;
 pub use contact_schedule::ContactSchedule;
 pub use full_order::{
@@ -308,6 +308,8 @@ mod tests_derivatives;
 mod tests_edges;
 #[cfg(test)]
 mod tests_library;
+#[cfg(test)]
+mod tests_ranges;
 #[cfg(test)]
 mod tests_rear;
 #[cfg(test)]

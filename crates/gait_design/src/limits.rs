@@ -1,6 +1,7 @@
 //! Bounds that the decomposed and the full-order program share: what a robot, a request and the settings allow at a
 //! point.
 
+use crate::Tolerances;
 use crate::request::GaitRequest;
 use robot::Robot;
 
@@ -60,8 +61,12 @@ pub(crate) struct Limits {
     pub base_rate: [f64; 6],
     /// Of the base's acceleration, m/s² and rad/s², either way.
     pub base_acceleration: [f64; 6],
-    /// Of hip roll's, hip pitch's and knee's velocity, rad/s, either way.
+    /// Of hip roll's, hip pitch's and knee's velocity, rad/s, either way: within the robot's limit by what may be
+    /// beyond it between the points, for the controller walks no gait that is.
     pub joint_rate_rad_s: [f64; 3],
+    /// By how much joints are inside their range at the points, rad: what their polynomials may depart from them in
+    /// between.
+    pub joint_inward_rad: f64,
     /// Of a joint's acceleration, rad/s², either way.
     pub joint_acceleration_rad_s2: f64,
     /// Of hip roll's, hip pitch's and knee's torque, N m, either way.
@@ -82,6 +87,7 @@ impl Limits {
         let (height, height_spare) = (request.height_m, settings.height_tolerance_m);
         let angle = settings.orientation_limit_rad;
         let toe_spare = settings.toe_distance_tolerance_m;
+        let tolerances = Tolerances::of(robot, request.torque_limit_nm);
         Self {
             clearance_m: request.clearance_m,
             step_duration_s: [t * (1.0 - relative), t * (1.0 + relative)],
@@ -93,7 +99,8 @@ impl Limits {
             // Far outside what a gait needs; they only keep the first subproblems from running away.
             base_rate: [4.0, 4.0, 4.0, 6.0, 6.0, 6.0],
             base_acceleration: [100.0, 100.0, 100.0, 300.0, 300.0, 300.0],
-            joint_rate_rad_s: robot.limits.velocity_rad_s,
+            joint_rate_rad_s: std::array::from_fn(|k| robot.limits.velocity_rad_s[k] - tolerances.velocity_rad_s[k]),
+            joint_inward_rad: tolerances.angle_rad,
             joint_acceleration_rad_s2: 3000.0,
             torque_nm: request.torque_limit_nm,
             force_n: [[-1e3, -1e3, settings.normal_force_min_share * robot.model.total_mass() * 9.81], [1e3, 1e3, 3e3]],

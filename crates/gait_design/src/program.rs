@@ -223,7 +223,10 @@ impl DecomposedProgram {
             let x = if point == 0 { 0.0 } else { limits.reach_m };
             push(&[-x], &[x]);
             push(&limits.base[0], &limits.base[1]);
-            push(&joint_lower, &joint_upper);
+            push(
+                &joint_lower.map(|end| end + limits.joint_inward_rad),
+                &joint_upper.map(|end| end - limits.joint_inward_rad),
+            );
             push(&limits.base_rate.map(|v| -v), &limits.base_rate);
             push(&joint_rate.map(|v| -v), &joint_rate);
             push(&limits.base_acceleration.map(|v| -v), &limits.base_acceleration);

@@ -33,6 +33,7 @@
 
 mod flow;
 mod generator;
+mod growth;
 mod product;
 
 use crate::recompose::PlanPoint;
@@ -41,6 +42,7 @@ use decomposition::DynamicsError;
 use flow::Flow;
 use gait::Gait;
 use generator::{PLACES, RATES, Row, generator, independent, lift};
+use growth::step_growth;
 use nalgebra::DMatrix;
 use product::product;
 use rigid_body::{Data, crba, last_point_kinematics_derivatives, rnea_derivatives};
@@ -66,6 +68,9 @@ pub struct Stability {
     /// Of x, y and, on level ground, yaw: modulus 1 by symmetry. How far they are from it tells how exact the others
     /// are.
     pub neutral: Vec<Complex>,
+    /// By how much a disturbance grows at most within a step, in the robot's own measure: lengths in nominal heights h,
+    /// angles in rad, rates in √(g/h). It grows before it shrinks: over two legs the body tips as an inverted pendulum.
+    pub step_growth: f64,
 }
 
 impl Stability {
@@ -99,13 +104,16 @@ pub(crate) fn stability_in_steps(
     steps: usize,
 ) -> Result<Stability, DynamicsError> {
     let first_step = step_map(robot, gait, points, steps)?;
-    let map = if second_points.is_empty() {
-        product(&product(&on_manifold(robot, points), &mirror(robot)), &first_step)
+    let (map, step_growth) = if second_points.is_empty() {
+        let map = product(&product(&on_manifold(robot, points), &mirror(robot)), &first_step);
+        let growth = step_growth(robot, &map);
+        (map, growth)
     } else {
         let second_step = step_map(robot, gait, second_points, steps)?;
         let turned_back = turned_by(-stride_yaw_rad(gait, points, second_points));
         let second = product(&product(&on_manifold(robot, points), &turned_back), &second_step);
-        product(&product(&second, &on_manifold(robot, second_points)), &first_step)
+        let first = product(&on_manifold(robot, second_points), &first_step);
+        (product(&second, &first), step_growth(robot, &first).max(step_growth(robot, &second)))
     };
 
     // The iteration for eigenvalues would not end.
@@ -150,7 +158,7 @@ pub(crate) fn stability_in_steps(
     };
     let mut multipliers = eigenvalues(neutral.len(), rest);
     multipliers.sort_by(|a, b| b.norm().total_cmp(&a.norm()));
-    Ok(Stability { multipliers, neutral: eigenvalues(0, neutral.len()) })
+    Ok(Stability { multipliers, neutral: eigenvalues(0, neutral.len()), step_growth })
 }
 
 /// I · C · Φ of one step: of the manifold's coordinates at its start, all of the robot's at its end.

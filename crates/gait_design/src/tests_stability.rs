@@ -127,6 +127,25 @@ fn a_gait_that_skims_the_floor_before_it_lands_is_not_called_stable() {
     }
 }
 
+/// It contracts by 0.87 a step and lands from above, and in the simulator it falls after 2 to 3 s: in each step a
+/// disturbance grows twelvefold first.
+#[test]
+fn a_gait_whose_steps_are_so_long_that_it_falls_is_not_called_stable() {
+    let robot = vision60();
+    let own = as_steps("amble", &robot);
+    for (walks, step_duration_s, half_width_m, height_m) in [(false, 0.52, 0.38, 0.5), (true, 0.2, 0.31, 0.55)] {
+        let request =
+            GaitRequest { step_duration_s, half_width_m, height_m, clearance_m: 0.18, speed_m_s: -0.05, ..own.clone() };
+        let plan = plan(&robot, &request, &PlanOptions::default(), go_on).unwrap();
+        let (certificate, longest_m) = (plan.gait.certificate.unwrap(), 0.036 * robot.nominal.height_m);
+        let growth = stability(&robot, &plan.gait, &plan.points, &plan.second_points).unwrap().step_growth;
+        println!("{request:?}: {certificate:?}, growth {growth}");
+        assert!(certificate.largest_multiplier < 1.0 && certificate.landing_run_m <= longest_m, "{certificate:?}");
+        assert_eq!(growth <= MOST_STEP_GROWTH, walks, "{growth}");
+        assert_eq!(certificate.stable, walks, "{certificate:?}");
+    }
+}
+
 #[test]
 fn open_durations_and_widths_are_chosen_for_the_smallest_multiplier_and_all_else_is_kept() {
     let robot = vision60();

@@ -226,8 +226,8 @@ fn one(arguments: &Arguments, robot: &robot::Robot, name: &str, file: Option<&Pa
 /// The largest multiplier, marked where the gait is not called stable although its map contracts.
 fn multiplier(gait: &gait::Gait) -> String {
     let Some(c) = &gait.certificate else { return "not known".into() };
-    let skims = c.largest_multiplier < 1.0 && !c.stable;
-    format!("{:.3}{}", c.largest_multiplier, if skims { " skims" } else { "" })
+    let contracts_only = c.largest_multiplier < 1.0 && !c.stable;
+    format!("{:.3}{}", c.largest_multiplier, if contracts_only { " not stable" } else { "" })
 }
 
 /// Plans the five gaits and prints Table I of the paper beside what came of them. Each is planned a few times, and the

@@ -4,7 +4,6 @@ use super::costs::{SWAY_RAD, leaning};
 use super::goal;
 use super::names::Names;
 use super::schedule::{COEFFICIENTS, Closure, Place, Schedule, at};
-use crate::Tolerances;
 use crate::limits::Limits;
 use crate::planar::PlanarMotion;
 use crate::request::GaitRequest;
@@ -41,10 +40,9 @@ pub(super) fn bounds(
             bounds.extend((0..JOINTS).map(|j| range[j] + spare[j % 3] * outward));
         }
         bounds.push(limits.step_duration_s[side]);
-        let inward = if bends { Tolerances::of(robot, request.torque_limit_nm).angle_rad } else { 0.0 };
         for place in schedule.places() {
             bounds.extend(base(request, schedule, limits, place, side));
-            bounds.extend(range.map(|end| end - inward * outward));
+            bounds.extend(range.map(|end| end - limits.joint_inward_rad * outward));
             bounds.extend(limits.base_rate.map(|rate| rate * outward));
             bounds.extend((0..JOINTS).map(|j| limits.joint_rate_rad_s[j % 3] * outward));
             bounds.extend(limits.base_acceleration.map(|acceleration| acceleration * outward));
@@ -65,9 +63,7 @@ pub(super) fn bounds(
 }
 
 /// Whether hip rolls' coefficients may be outside the joint's range. Straight on they need not; in place, sideways and
-/// from state to state, gaits whose coefficients may not are bent by it until they fall. There joints have to be inside
-/// their range at the points, by what polynomials may depart from them in between: the controller walks none that
-/// leave it.
+/// from state to state, gaits whose coefficients may not are bent by it until they fall.
 fn bends(request: &GaitRequest, schedule: &Schedule) -> bool {
     schedule.is_between() || !PlanarMotion::of(request).is_straight()
 }

@@ -25,11 +25,11 @@ pub struct BetweenPoints {
     pub stance_slip_m: f64,
     /// How far a swing toe is below the floor, m.
     pub swing_below_floor_m: f64,
-    /// How far a joint is outside its range, rad.
+    /// How far a joint's polynomial is outside the joint's range, rad.
     pub joint_range_rad: f64,
     /// How far a joint is from its polynomial, rad; 0 where it is not held to it.
     pub polynomial_rad: f64,
-    /// How much faster than its limit a joint moves, rad/s: hip roll, hip pitch, knee.
+    /// How much faster than its limit a joint's polynomial moves, rad/s: hip roll, hip pitch, knee.
     pub joint_velocity_rad_s: [f64; 3],
     /// How far a torque is above its bound, N m: hip roll, hip pitch, knee.
     pub torque_nm: [f64; 3],
@@ -63,11 +63,11 @@ impl BetweenPoints {
         [
             ("stance toes slip", self.stance_slip_m, t.length_m, "m"),
             ("swing toes are below the floor", self.swing_below_floor_m, t.length_m, "m"),
-            ("joints leave their range", self.joint_range_rad, t.angle_rad, "rad"),
+            ("joints leave their range", self.joint_range_rad, 0.0, "rad"),
             ("joints depart from their polynomials", self.polynomial_rad, t.angle_rad, "rad"),
-            ("hip rolls are too fast", self.joint_velocity_rad_s[roll], t.velocity_rad_s[roll], "rad/s"),
-            ("hip pitches are too fast", self.joint_velocity_rad_s[pitch], t.velocity_rad_s[pitch], "rad/s"),
-            ("knees are too fast", self.joint_velocity_rad_s[knee], t.velocity_rad_s[knee], "rad/s"),
+            ("hip rolls are too fast", self.joint_velocity_rad_s[roll], 0.0, "rad/s"),
+            ("hip pitches are too fast", self.joint_velocity_rad_s[pitch], 0.0, "rad/s"),
+            ("knees are too fast", self.joint_velocity_rad_s[knee], 0.0, "rad/s"),
             ("hip roll torques are too large", self.torque_nm[roll], t.torque_nm[roll], "N m"),
             ("hip pitch torques are too large", self.torque_nm[pitch], t.torque_nm[pitch], "N m"),
             ("knee torques are too large", self.torque_nm[knee], t.torque_nm[knee], "N m"),
@@ -226,10 +226,11 @@ impl<'a> Sampler<'a> {
             std::array::from_fn(|leg| rigid_body::frame_position(&robot.model, data, robot.legs[leg].toe));
         let start = *self.stood.get_or_insert(toes);
         let phase = p0.phase + s * (p2.phase - p0.phase);
-        let (planned, _) = self.planned.domain.planned(phase);
+        let (planned, planned_velocity) = self.planned.domain.planned(phase);
+        // The controller walks polynomials, and none that is beyond a limit.
         let beyond = |j: usize| {
             let leg = &robot.legs[j / 3];
-            (leg.position_min_rad[j % 3] - q[6 + j]).max(q[6 + j] - leg.position_max_rad[j % 3])
+            (leg.position_min_rad[j % 3] - planned[j]).max(planned[j] - leg.position_max_rad[j % 3])
         };
         // The pyramid turns with the robot, as in the program.
         let time = self.planned.before + self.planned.share * phase;
@@ -249,7 +250,9 @@ impl<'a> Sampler<'a> {
             ground_force_n: of_legs(true, &|leg| outside(&force[leg])),
             joint_range_rad: std::array::from_fn(beyond),
             polynomial_rad: std::array::from_fn(|j| departs(q[6 + j], planned[j])),
-            joint_velocity_rad_s: std::array::from_fn(|j| v[6 + j].abs() - robot.limits.velocity_rad_s[j % 3]),
+            joint_velocity_rad_s: std::array::from_fn(|j| {
+                planned_velocity[j].abs() - robot.limits.velocity_rad_s[j % 3]
+            }),
             torque_nm: std::array::from_fn(|j| tau[j].abs() - request.torque_limit_nm[j % 3]),
         }
     }

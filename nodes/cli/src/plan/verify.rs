@@ -1,7 +1,7 @@
 //! `tandem plan --verify` and `--stability`: what is reported of a plan beyond the solver's word.
 
 use anyhow::{Context, Result};
-use gait_design::{BetweenPoints, Complex, GaitRequest, Plan, PlanPoint, StepComparison, StepLaw};
+use gait_design::{BetweenPoints, Complex, GaitRequest, MOST_STEP_GROWTH, Plan, PlanPoint, StepComparison, StepLaw};
 use serde_json::json;
 use std::path::{Path, PathBuf};
 
@@ -146,6 +146,10 @@ impl Stable {
         match &self.certificate {
             None => "no certificate: the law does not give the planned torques".into(),
             Some(c) if c.stable => "stable".into(),
+            Some(c) if c.largest_multiplier < 1.0 && self.stability.step_growth > MOST_STEP_GROWTH => format!(
+                "not called stable: within a step a disturbance grows {:.0} times before it shrinks; try a shorter step",
+                self.stability.step_growth
+            ),
             Some(c) if c.largest_multiplier < 1.0 => format!(
                 "not called stable: a swing toe skims the floor for {:.3} m before it lands, and touchdown by the clock cannot be had",
                 c.landing_run_m
@@ -176,7 +180,7 @@ impl Stable {
         let parts = |m: &[Complex]| m.iter().map(|m| [m.re, m.im]).collect::<Vec<_>>();
         json!({
             "map": self.map, "spectral_radius": s.spectral_radius(), "stable": self.certificate.is_some_and(|c| c.stable),
-            "landing_run_m": self.certificate.map(|c| c.landing_run_m),
+            "landing_run_m": self.certificate.map(|c| c.landing_run_m), "step_growth": s.step_growth,
             "multipliers": parts(&s.multipliers), "neutral": parts(&s.neutral),
         })
     }
