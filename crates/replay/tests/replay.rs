@@ -207,7 +207,7 @@ fn a_recording_that_begins_in_the_middle_runs_again_to_the_bit() {
 #[test]
 fn a_recording_of_a_walk_with_a_lead_runs_again_to_the_bit() {
     let mut gait = gait(&robot());
-    gait.lead = gait.schedule().map(|step| gait::Domain { duration_s: 0.3, ..step }).to_vec();
+    gait.lead = gait.schedule().into_iter().map(|step| gait::Domain { duration_s: 0.3, ..step }).collect();
     let folder = tempfile::tempdir().unwrap();
     for (number, first) in [3, 7777].into_iter().enumerate() {
         let bag = folder.path().join(number.to_string());

@@ -80,9 +80,9 @@ fn walked(contacts: ContactSchedule, step_duration_s: f64, speed_m_s: f64, point
     let mut options = ScheduleOptions::default();
     options.program.points = points;
     let plan = plan_schedule(&shelf.robot, &request, &contacts, &options, go_on).unwrap();
-    let on_it = beginning(&shelf, plan.initial);
-    let walks: Vec<Walked> = (1..=3).map(|seed| walk(&shelf.robot, &on_it, &plan.domains, seed)).collect();
-    println!("{contacts:?}, T {step_duration_s} s, {speed_m_s} m/s, {} iterations", plan.solver.iterations);
+    let on_it = beginning(&shelf, plan.gait.initial.clone());
+    let walks: Vec<Walked> = (1..=3).map(|seed| walk(&shelf.robot, &on_it, &plan.gait.cycle, seed)).collect();
+    println!("{contacts:?}, T {step_duration_s} s, {speed_m_s} m/s, {} iterations", plan.gait.solver.iterations);
     walks.iter().for_each(|walked| println!("  {walked:?}"));
     walks
 }
