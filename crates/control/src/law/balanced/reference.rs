@@ -5,7 +5,6 @@ use super::drive::Driven;
 use super::ground::{Frames, Ground, up_on};
 use crate::step::Step;
 use crate::{JOINTS, PreparedGait, of_leg};
-use gait::StepSide;
 use nalgebra::{Vector2, Vector3};
 
 /// The swing's placement is reached at this phase, and an offset of the landing before is left by then.
@@ -19,14 +18,15 @@ pub(super) fn smooth(x: f64) -> f64 {
     x * x * x * (10.0 + x * (6.0 * x - 15.0))
 }
 
-/// Which legs swing in a step of this side.
-pub(crate) fn swings(side: StepSide) -> [bool; 4] {
-    side.stands().map(|stands| !stands)
+/// Which legs swing in a step.
+pub(super) fn swings(gait: &PreparedGait, step: Step) -> [bool; 4] {
+    gait.stands(step).map(|stands| !stands)
 }
 
-/// The two legs that stand in a step of this side, by number.
-pub(super) fn standing(side: StepSide) -> [usize; 2] {
-    let mut legs = (0..4).filter(|&leg| !swings(side)[leg]);
+/// The two legs that stand in a step, by number.
+pub(super) fn standing(gait: &PreparedGait, step: Step) -> [usize; 2] {
+    let stands = gait.stands(step);
+    let mut legs = (0..4).filter(|&leg| stands[leg]);
     std::array::from_fn(|_| legs.next().unwrap_or_default())
 }
 
@@ -73,7 +73,7 @@ impl Shape<'_> {
         } else {
             std::array::from_fn(|j| self.middle_rad[j] + self.share * (at.position_rad[j] - self.middle_rad[j]))
         };
-        let swings = swings(self.step.side());
+        let swings = swings(self.gait, self.step);
         let period_s = self.gait.duration_s(self.step);
         let beyond = self.driven.velocity - self.own_velocity;
         let turning_beyond = self.driven.yaw_rad_s - self.own_yaw_rad_s;
@@ -91,7 +91,7 @@ impl Shape<'_> {
 
     /// Joints for the toes, offset, placed by `placement` where they swing, shifted on a slope, and levelled.
     pub fn placed(&self, s: f64, planned: &Planned, placement: Vector2<f64>) -> Placed {
-        let swings = swings(self.step.side());
+        let swings = swings(self.gait, self.step);
         let (reached, level) = (smooth(s / PLACED), smooth(s / LEVELLED));
         let shifts = self.shifts(swings);
         let mut placed = Placed { joints_rad: [0.0; JOINTS], limited: false };
@@ -134,7 +134,7 @@ impl Shape<'_> {
     /// What the stance legs must carry otherwise than planned: the same weight in another posture, and along real
     /// gravity in place of that of the ground that the gait is planned for.
     pub fn carried_nm(&self, planned: &Planned, placed: &Placed) -> [f64; JOINTS] {
-        let swings = swings(self.step.side());
+        let swings = swings(self.gait, self.step);
         let half_n = 0.5 * self.config.mass_kg * self.config.estimator.gravity_m_s2;
         let (up, planned_up) = (self.frames.up * half_n, up_on(self.gait.rise()) * half_n);
         let mut torque = [0.0; JOINTS];
