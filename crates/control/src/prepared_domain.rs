@@ -2,7 +2,11 @@
 
 use crate::JOINTS;
 use crate::step::LEAD_STEPS;
-use gait::{Coefficients, Domain, Gait, GaitError, LEGS, MAX_CYCLE_DOMAINS, StepSide};
+use gait::{Coefficients, Domain, Gait, GaitError, LEG_NAMES, LEGS, MAX_CYCLE_DOMAINS, StepSide};
+
+/// The legs of a side, and of an end.
+const ONE_SIDED: [[bool; LEGS]; 4] =
+    [[true, true, false, false], [false, false, true, true], [true, false, true, false], [false, true, false, true]];
 
 /// A domain: which legs stand, how long, and how the joints move.
 #[derive(Clone, Copy, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
@@ -62,6 +66,28 @@ pub(crate) fn lead(gait: &Gait) -> Result<Option<[PreparedDomain; LEAD_STEPS]>, 
 /// The domains of a gait's cycle; it was validated, and there is room for all.
 pub(crate) fn cycle(gait: &Gait) -> Cycle {
     std::array::from_fn(|index| gait.cycle.get(index).map(PreparedDomain::new))
+}
+
+/// Refuses a gait of steps over the legs of one side or of one end alone: the body rolls or pitches in them as planned,
+/// and the balanced law, to which the gait does not say so, would answer that as a fall.
+pub(crate) fn check_balanced(gait: &Gait) -> Result<(), GaitError> {
+    let lead = if gait.cycle.is_empty() { &[][..] } else { &gait.lead[..] };
+    for (list, domains) in [("lead", lead), ("cycle", &gait.cycle[..])] {
+        let one_sided = |domain: &Domain| ONE_SIDED.contains(&domain.stands);
+        let Some(index) = domains.iter().position(one_sided) else { continue };
+        let legs = (0..LEGS).filter(|leg| domains[index].stands[*leg]).map(|leg| LEG_NAMES[leg]);
+        let problem = format!(
+            "are {}, expected a diagonal or more than two: the balanced law knows of no planned rolling or pitching; \
+             walk it under the bare law, without balance",
+            legs.collect::<Vec<_>>().join(" and ")
+        );
+        return Err(GaitError::Value {
+            gait: gait.name.clone(),
+            field: format!("{list}[{index}].stance_legs"),
+            problem,
+        });
+    }
+    Ok(())
 }
 
 /// Whether there is none: for gaits and recordings without.

@@ -117,6 +117,9 @@ impl PreparedGait {
                 }
             }
         }
+        if config.balance.is_some() {
+            prepared_domain::check_balanced(gait)?;
+        }
         let mut prepared = Self {
             name: GaitName::new(&gait.name),
             step_duration_s: gait.step_duration_s,

@@ -80,7 +80,7 @@ impl Gait {
         Ok(())
     }
 
-    /// A leg that never swings would have to slide.
+    /// A leg that never swings would have to slide, and one that never stands is no leg of the gait.
     fn check_stance_legs(&self) -> Result<(), GaitError> {
         for (n, domain) in self.cycle.iter().enumerate() {
             let count = domain.stands.iter().filter(|stands| **stands).count();
@@ -89,15 +89,13 @@ impl Gait {
                 return Err(self.refuse(format!("cycle[{n}].stance_legs"), problem));
             }
         }
-        let never_swings = |leg: &usize| self.cycle.iter().all(|domain| domain.stands[*leg]);
-        match (0..LEGS).find(never_swings) {
-            Some(leg) => {
-                let problem =
-                    format!("has {} stand in every domain, expected each leg to swing in one", LEG_NAMES[leg]);
-                Err(self.refuse("cycle", problem))
+        for (does, stands) in [("stand", true), ("swing", false)] {
+            if let Some(leg) = (0..LEGS).find(|leg| self.cycle.iter().all(|domain| domain.stands[*leg] == stands)) {
+                let problem = "in every domain, expected each leg to stand in one and to swing in one";
+                return Err(self.refuse("cycle", format!("has {} {does} {problem}", LEG_NAMES[leg])));
             }
-            None => Ok(()),
         }
+        Ok(())
     }
 
     /// The planned joints where a domain ends and the next one begins: positions or velocities, by their unit.

@@ -41,13 +41,14 @@ fn bend(domain: &mut Domain, by_rad: f64, slope_rad: f64) {
 #[test]
 fn a_cycle_that_cannot_be_walked_is_refused_by_name() {
     type Case = (&'static str, fn(&mut Gait));
-    let cases: [Case; 13] = [
+    let cases: [Case; 14] = [
         ("cycle has 9 domains, expected at most 8", |g| g.cycle = vec![g.cycle[0].clone(); 9]),
         ("cycle[1].duration_s is 0, expected 0.02 to 10 s", |g| g.cycle[1].duration_s = 0.0),
         ("cycle[1].coefficients_rad[6] is inf", |g| g.cycle[1].planned_rad[1][0] = f64::INFINITY),
         ("cycle[1].reference_coefficients_rad[0] is NaN", |g| g.cycle[1].reference_rad[0][0] = f64::NAN),
         ("cycle[1].stance_legs names 1, expected at least 2", |g| g.cycle[1].stands = [true, false, false, false]),
         ("cycle has front_left stand in every domain", |g| g.cycle[0].stands = [true; 4]),
+        ("cycle has front_left swing in every domain", |g| g.cycle[1].stands = [false, true, true, true]),
         ("coefficients_rad differ from cycle[0].coefficients_rad", |g| g.coefficients_rad[3][2] += 1e-9),
         ("reference_coefficients_rad differ from cycle[0]", |g| g.reference_coefficients_rad[3][2] += 1e-9),
         ("second_step is given beside a cycle", |g| {

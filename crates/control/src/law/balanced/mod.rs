@@ -7,6 +7,7 @@
 mod drive;
 mod ground;
 mod reference;
+mod stance;
 mod walk;
 
 pub use crate::balance_config::{BalanceConfig, VelocityLimit};
@@ -20,7 +21,8 @@ use drive::{Drive, wrapped};
 use estimator::Estimator;
 use ground::Ground;
 use nalgebra::{Vector2, Vector3};
-use reference::{Planned, Shape, smooth, standing, swings};
+use reference::{Planned, Shape, smooth};
+use stance::{Stance, Turns};
 
 /// The reference's rate is its change over this phase.
 const STEP: f64 = 1e-3;
@@ -138,13 +140,16 @@ impl Balance {
         // Stance toes go back as the body goes ahead, and turn the other way; a stride's steps undo their sway.
         let (mut moved, mut turned_rad, mut stride_s) = (Vector3::zeros(), 0.0, 0.0);
         for step in (0..count).map(step) {
-            let [begins, ends] = [0.0, 1.0].map(|s| standing(gait, step).map(|leg| toe(step, s, leg)));
-            moved += ends[0] + ends[1] - begins[0] - begins[1];
-            let [begun_rad, ended_rad] = [begins, ends].map(|[one, other]| (one - other).y.atan2((one - other).x));
+            let stance = Stance::of(gait, step);
+            let [begins, ends] = [0.0, 1.0].map(|s| std::array::from_fn(|leg| toe(step, s, leg)));
+            let back = stance.legs().fold(stance.sum(&ends), |sum, leg| sum - begins[leg]);
+            moved += back / stance.count() as f64;
+            let [begun_rad, ended_rad] =
+                [begins, ends].map(|toes| -stance.line(&toes)).map(|line| line.y.atan2(line.x));
             turned_rad -= wrapped(ended_rad - begun_rad);
             stride_s += gait.duration_s(step);
         }
-        self.own_velocity = (-moved.xy() / (2.0 * stride_s)).into();
+        self.own_velocity = (-moved.xy() / stride_s).into();
         self.own_yaw_rad_s = turned_rad / stride_s;
         self.middle_rad = gait.middle_rad(present.is_lead());
         self.rate_s = 1.0 / gait.duration_s(present);
@@ -174,7 +179,7 @@ impl Balance {
 
     /// Which legs are planned to swing.
     pub fn swings(&self, gait: &PreparedGait) -> [bool; 4] {
-        swings(gait, self.present_step(gait))
+        Stance::of(gait, self.present_step(gait)).swings()
     }
 
     /// What the last cycle did.
@@ -288,10 +293,13 @@ impl Balance {
     }
 
     fn shape<'a>(&self, cycle: &Cycle<'a>) -> Shape<'a> {
+        let step = self.present_step(cycle.gait);
         Shape {
             config: cycle.config,
             gait: cycle.gait,
-            step: self.present_step(cycle.gait),
+            step,
+            stance: Stance::of(cycle.gait, step),
+            turns: Turns::of(cycle.gait, step),
             driven: self.drive.driven(cycle.config),
             own_velocity: Vector2::from(self.own_velocity) * cycle.share,
             own_yaw_rad_s: self.own_yaw_rad_s * cycle.share,
@@ -307,23 +315,20 @@ impl Balance {
     /// across.
     fn error(&self, cycle: &Cycle, shape: &Shape, now: &Planned, next: &Planned) -> Error {
         let lambda = self.lambda_s(cycle);
-        let pair = standing(cycle.gait, self.present_step(cycle.gait));
-        let measured =
-            pair.map(|leg| shape.frames.heading * cycle.config.legs[leg].toe_m(&of_leg(cycle.position_rad, leg)));
-        let mean = |toes: [Vector3<f64>; 2]| -0.5 * (toes[0] + toes[1]).xy();
-        let center = mean(measured);
-        let planned = mean(pair.map(|leg| now.toes_m[leg]));
-        let rate = (mean(pair.map(|leg| next.toes_m[leg])) - planned)
-            / (STEP * cycle.gait.duration_s(self.present_step(cycle.gait)));
+        let stance = shape.stance;
+        let measured = toes_m(cycle).map(|toe| shape.frames.heading * toe);
+        let mean = |toes: &[Vector3<f64>; 4]| (-stance.sum(toes) / stance.count() as f64).xy();
+        let center = mean(&measured);
+        let planned = mean(&now.toes_m);
+        let rate = (mean(&next.toes_m) - planned) / (STEP * cycle.gait.duration_s(shape.step));
         let turning = shape.driven.yaw_rad_s;
         let planned_velocity = rate + turning * Vector2::new(-planned.y, planned.x);
         let rotation = cycle.estimate.rotation();
         let in_heading = shape.frames.heading * (rotation.transpose() * Vector3::from(cycle.estimate.velocity_m_s()));
         let whole = center - planned + (in_heading.xy() - planned_velocity) / lambda;
-        let along = (measured[1] - measured[0]).xy();
         // Toes on one point have no line between them.
-        let along = along.try_normalize(1e-6).unwrap_or_else(Vector2::x);
-        Error { whole, along, across: Vector2::new(-along.y, along.x) }
+        let along = stance.line(&measured).xy().try_normalize(1e-6).unwrap_or_else(Vector2::x);
+        Error { whole, falls: stance.count() == 2, along, across: Vector2::new(-along.y, along.x) }
     }
 
     /// λ = √(g/z0): how fast a body over its toes falls away from them.
@@ -344,14 +349,15 @@ impl Balance {
         let rest_s = caught_s.max(shortest_s);
         self.rate_s = own_s;
         let mut hurry_limited = false;
-        if rest_s < left * period_s {
+        if error.falls && rest_s < left * period_s {
             let wanted = left / rest_s;
             let most = (config.hurry_limit * own_s).min(self.fastest_s.max(own_s));
             self.rate_s = wanted.min(most);
             hurry_limited = caught_s < shortest_s || wanted > most;
         }
         let grown = (lambda * left / self.rate_s).exp();
-        let mut placement = config.placement_gain * (across * grown * error.across + along * error.along);
+        let gain = if error.falls { config.placement_gain } else { 0.0 };
+        let mut placement = gain * (across * grown * error.across + along * error.along);
         let limit = config.placement_limit_share * self.height_m;
         let length = placement.norm();
         let placement_limited = length > limit;
@@ -372,6 +378,8 @@ impl Balance {
 
 struct Error {
     whole: Vector2<f64>,
+    /// Whether the body falls away from its stance line: not over three legs and four.
+    falls: bool,
     /// Unit vectors along the measured stance line and across it.
     along: Vector2<f64>,
     across: Vector2<f64>,
