@@ -77,6 +77,16 @@ impl Gait {
         })
     }
 
+    /// What is walked in step `index` of a walk out of standing, counted from 0: the lead's domains first.
+    pub fn domain_of_step(&self, index: u64) -> Domain {
+        let lead = self.lead.len() as u64;
+        if index < lead {
+            return self.lead[index as usize].clone();
+        }
+        let mut stride = self.schedule();
+        stride.swap_remove(((index - lead) % stride.len() as u64) as usize)
+    }
+
     /// How long the stride takes, s.
     pub fn stride_duration_s(&self) -> f64 {
         match &self.cycle[..] {
