@@ -6,7 +6,7 @@ use gait::bezier::DEGREE;
 pub const GAIT_VERSION: u32 = gait::FILE_VERSION as u32;
 pub(crate) const GAIT_VERSION_TWO_STEPS: u32 = gait::FILE_VERSION_TWO_STEPS as u32;
 
-pub(crate) const GAIT_VERSION_LEAD: u32 = gait::FILE_VERSION_LEAD as u32;
+pub(crate) const GAIT_VERSION_DOMAINS: u32 = gait::FILE_VERSION_DOMAINS as u32;
 /// The versions that the message carries.
 pub(crate) const GAIT_VERSIONS: [u32; 2] = [GAIT_VERSION, GAIT_VERSION_TWO_STEPS];
 
@@ -21,9 +21,9 @@ pub enum GaitMessageError {
         /// What the message reports.
         found: u32,
     },
-    /// A lead, for which the message has no field.
-    #[error("gait message: \"{gait}\" has a lead, which no message carries: load the gait's file")]
-    Lead {
+    /// A lead or a cycle, for which the message has no field.
+    #[error("gait message: \"{gait}\" has a lead or a cycle, which no message carries: load the gait's file")]
+    Domains {
         /// The gait's name.
         gait: String,
     },

@@ -5,7 +5,7 @@ use gait::bezier::DEGREE;
 
 use crate::SolverReport;
 use crate::carried::{Carried, Place};
-use crate::gait_error::{GAIT_VERSION_LEAD, GAIT_VERSION_TWO_STEPS, GAIT_VERSIONS, GaitMessageError};
+use crate::gait_error::{GAIT_VERSION_DOMAINS, GAIT_VERSION_TWO_STEPS, GAIT_VERSIONS, GaitMessageError};
 use crate::geometry_msgs::{Pose, Twist};
 use crate::std_msgs::Header;
 
@@ -83,7 +83,7 @@ gait_message! {
         version: u32,
     }
     // A field more would be another type to every program that is built with this one.
-    not_carried { lead }
+    not_carried { lead, cycle }
     robot {
         /// The robot that the gait is for.
         robot: String,
@@ -170,8 +170,8 @@ gait_message! {
 }
 
 impl Gait {
-    /// The message of a gait. The header's stamp is the sender's to set. Of a gait with a lead its version says what
-    /// is missing, and [`Self::to_gait`] refuses it: such a gait goes by its file.
+    /// The message of a gait. The header's stamp is the sender's to set. Of a gait with a lead or a cycle its version
+    /// says what is missing, and [`Self::to_gait`] refuses it: such a gait goes by its file.
     #[must_use]
     pub fn from_gait(gait: &gait::Gait) -> Self {
         let mut message = Gait {
@@ -188,8 +188,8 @@ impl Gait {
     /// # Errors
     /// Names the field, what it holds and what was expected.
     pub fn to_gait(&self) -> Result<gait::Gait, GaitMessageError> {
-        if self.version == GAIT_VERSION_LEAD {
-            return Err(GaitMessageError::Lead { gait: self.name.clone() });
+        if self.version == GAIT_VERSION_DOMAINS {
+            return Err(GaitMessageError::Domains { gait: self.name.clone() });
         }
         if !GAIT_VERSIONS.contains(&self.version) {
             return Err(GaitMessageError::Version { found: self.version });
@@ -244,6 +244,7 @@ mod tests {
             mirror: Mirror { leg: [2, 3, 0, 1], sign: [-1.0, 1.0, 1.0] },
             second_step: None,
             lead: Vec::new(),
+            cycle: Vec::new(),
             initial: InitialState {
                 base_position_m: [0.01, 0.02, 0.58],
                 base_quaternion_xyzw: [0.0, 0.0, 0.6, 0.8],
@@ -284,12 +285,15 @@ mod tests {
     }
 
     #[test]
-    fn a_gait_with_a_lead_is_refused_and_never_walked_without_it() {
-        let mut gait = standing();
-        gait.lead = gait.schedule().to_vec();
-        let error = Gait::from_gait(&gait).to_gait().unwrap_err().to_string();
-        assert!(error.contains("\"standing\" has a lead"), "{error}");
-        assert!(error.contains("load the gait's file"), "{error}");
+    fn a_gait_with_a_lead_or_a_cycle_is_refused_and_never_walked_without_it() {
+        let steps = standing().schedule();
+        let with_lead = gait::Gait { lead: steps.clone(), ..standing() };
+        let with_cycle = gait::Gait { cycle: steps, ..standing() };
+        for gait in [with_lead, with_cycle] {
+            let error = Gait::from_gait(&gait).to_gait().unwrap_err().to_string();
+            assert!(error.contains("\"standing\" has a lead or a cycle"), "{error}");
+            assert!(error.contains("load the gait's file"), "{error}");
+        }
     }
 
     #[test]

@@ -1,6 +1,6 @@
 //! The balanced law in the controller's step: the base's estimate, when the law is walked, and when it cannot go on.
 
-use crate::balanced::{BalanceConfig, Balanced, Cycle, Trouble, swings};
+use crate::balanced::{BalanceConfig, Balanced, Cycle, Trouble};
 use crate::law::Law;
 use crate::memory::Snapshot;
 use crate::motion::Expected;
@@ -14,7 +14,8 @@ impl Snapshot {
     pub(crate) fn estimate_base(&mut self, config: &Config, input: &Input, now: Duration, dt_s: f64) {
         let (Some(balance), Some(joints)) = (&config.balance, &self.watch.joints) else { return };
         let walked = self.motion.walked();
-        let legs = walked.map_or([false; gait::LEGS], |(_, clock)| swings(clock.side()));
+        let legs =
+            walked.map_or([false; gait::LEGS], |(gait, clock)| gait.stands(clock.step(gait)).map(|stands| !stands));
         let phase = walked.map(|_| self.motion.step_phase);
         let inertial = input.inertial.and_then(|unit| Inertial::of(&unit, now));
         let joints = (&joints.position_rad, &joints.velocity_rad_s);
@@ -51,7 +52,8 @@ impl Snapshot {
     pub(crate) fn walk_in_balance(&mut self, config: &Config, now: Duration, dt_s: f64) {
         let Law::Balanced(mut balanced) = self.law else { return };
         let (Some(cycle), Some((_, clock))) = (self.law_cycle(config, now, dt_s), self.motion.walked()) else { return };
-        balanced.step(&cycle, &clock.place(config, now), clock.base_index, clock.step_index());
+        let place = clock.place(cycle.gait, config, now);
+        balanced.step(&cycle, &place, clock.base_index, clock.step_index());
         self.law = Law::Balanced(balanced);
     }
 

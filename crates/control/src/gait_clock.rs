@@ -1,9 +1,8 @@
 //! Time within a gait: it owns T and how fast the phase runs.
 
 use crate::prepared_gait::Instant;
-use crate::step::Step;
+use crate::step::{LEAD_STEPS, Step};
 use crate::{Config, JOINTS, PreparedGait};
-use gait::StepSide;
 use std::time::Duration;
 
 /// Rounding in now − start must not put a switch one cycle late.
@@ -43,9 +42,9 @@ pub(crate) struct Offset {
 }
 
 impl Offset {
-    /// Where `new` takes over from `old` at the beginning of a step of `side`.
-    pub fn between(old: &PreparedGait, new: &PreparedGait, side: StepSide) -> Self {
-        Self::of(&old.at(side, 0.0), &new.at(side, 0.0))
+    /// Where `new` takes over from `old` at the beginning of a step.
+    pub fn between(old: &PreparedGait, new: &PreparedGait, step: Step) -> Self {
+        Self::of(&old.at_step(step, 0.0), &new.at_step(step, 0.0))
     }
 
     fn of(a: &Instant, b: &Instant) -> Self {
@@ -65,7 +64,8 @@ impl Offset {
 
 /// Whether a walk of `old` goes over to `new` at any switch; else it stops, stands, and begins again with it.
 pub fn may_follow(old: &PreparedGait, new: &PreparedGait, config: &Config) -> bool {
-    StepSide::BOTH.into_iter().all(|side| Offset::between(old, new, side).is_small(config))
+    let is_small = |index| Offset::between(old, new, Step::Cycle(index)).is_small(config);
+    old.has_schedule_of(new) && (0..old.stride_steps()).all(is_small)
 }
 
 /// How much of the gait's motion about its middle posture is walked, and the rate of that.
@@ -104,14 +104,14 @@ pub(crate) struct Place {
 impl GaitClock {
     /// At the gait's first instant.
     pub fn new(start: Duration, gait: &PreparedGait, grows: bool) -> Self {
-        let period_s = gait.step_duration_s();
+        let period_s = gait.duration_s(Step::Cycle(0));
         Self { start, period_s, base_s: 0.0, gained_s: 0.0, base_index: 0, steps: 0, offset: None, grows, leads: false }
     }
 
     /// At the first instant of the gait's lead, or where it has none, of the gait, grown from a share of it.
     pub fn out_of_standing(start: Duration, gait: &PreparedGait) -> Self {
         let leads = gait.has_lead();
-        let period_s = gait.duration_s(Step::of_walk(0, leads));
+        let period_s = gait.duration_s(Step::of_walk(0, leads, gait.stride_steps()));
         Self { period_s, leads, ..Self::new(start, gait, !leads) }
     }
 
@@ -119,14 +119,14 @@ impl GaitClock {
         now.saturating_sub(self.start).as_secs_f64() - self.base_s + self.gained_s
     }
 
-    /// The side of the present step. Sides go on alternating over a change of gait.
-    pub fn side(&self) -> StepSide {
-        StepSide::of_step(self.step_index())
+    /// The present step of `gait`, which is walked. Steps go on in turn over a change of gait.
+    pub fn step(&self, gait: &PreparedGait) -> Step {
+        Step::of_walk(self.step_index(), self.leads, gait.stride_steps())
     }
 
-    /// The present step.
-    pub fn step(&self) -> Step {
-        Step::of_walk(self.step_index(), self.leads)
+    /// Whether the present step is one of the lead's.
+    pub fn is_leading(&self) -> bool {
+        self.leads && self.step_index() < LEAD_STEPS as u64
     }
 
     /// Steps since walking began.
@@ -146,11 +146,11 @@ impl GaitClock {
         Growth { share: first + left * x * x * (3.0 - 2.0 * x), rate: left * 6.0 * x * (1.0 - x) / duration_s }
     }
 
-    pub fn place(&self, config: &Config, now: Duration) -> Place {
+    pub fn place(&self, gait: &PreparedGait, config: &Config, now: Duration) -> Place {
         let period_s = self.period_s;
         let t_s = (self.elapsed_s(now) - self.steps as f64 * period_s).clamp(0.0, period_s);
         Place {
-            step: self.step(),
+            step: self.step(gait),
             t_s,
             phase: t_s / period_s,
             period_s,
@@ -172,29 +172,36 @@ impl GaitClock {
     /// Follows time over switches of `gait`; whether there was one.
     pub fn follow(&mut self, gait: &PreparedGait, now: Duration) -> bool {
         let steps = (self.elapsed_s(now) / self.period_s + SWITCH_TOLERANCE).floor().max(0.0) as u64;
+        // Steps that may differ in duration end one by one.
+        if self.is_leading() || gait.has_cycle() {
+            let switched = steps > self.steps;
+            if switched {
+                self.end_step(gait);
+            }
+            return switched;
+        }
         let switched = steps != self.steps;
-        if switched && self.step().is_lead() {
-            self.end_lead_step(gait);
-        } else if switched {
+        if switched {
             self.steps = steps;
             self.offset = None;
         }
         switched
     }
 
-    /// To the next step, which takes another time than that of the lead that ended.
-    fn end_lead_step(&mut self, gait: &PreparedGait) {
-        let ended = self.step();
+    /// To the next step, which may take another time than the one that ended.
+    fn end_step(&mut self, gait: &PreparedGait) {
+        let ended = self.step(gait);
         self.steps += 1;
-        let period_s = gait.duration_s(self.step());
+        let next = self.step(gait);
+        let period_s = gait.duration_s(next);
         self.base_s += self.steps as f64 * (self.period_s - period_s);
         self.period_s = period_s;
-        self.offset = Some(Offset::of(&gait.at_step(ended, 1.0), &gait.at_step(self.step(), 0.0)));
+        self.offset = ended.is_lead().then(|| Offset::of(&gait.at_step(ended, 1.0), &gait.at_step(next, 0.0)));
     }
 
     /// Whether another gait may be taken at the switch that was reached: not within a lead or what it left.
     pub fn may_change(&self, config: &Config, now: Duration) -> bool {
-        self.growth(config, now).is_whole() && !self.step().is_lead() && self.offset.is_none()
+        self.growth(config, now).is_whole() && !self.is_leading() && self.offset.is_none()
     }
 
     /// At a switch: another gait from here on, whose plan lies `offset` from the old one's.
@@ -202,7 +209,7 @@ impl GaitClock {
         self.base_s += self.steps as f64 * self.period_s;
         self.base_index += self.steps;
         self.steps = 0;
-        self.period_s = new.step_duration_s();
+        self.period_s = new.duration_s(self.step(new));
         self.offset = Some(offset);
     }
 }

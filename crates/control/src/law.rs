@@ -6,7 +6,6 @@ use crate::gait_clock::{Growth, Place};
 use crate::prepared_gait::Instant;
 use crate::{JOINTS, JointCommand, PreparedGait};
 use balanced::Balanced;
-use gait::StepSide;
 
 /// A change of gait is smoothed out over this share of its first step.
 const CHANGE_SHARE: f64 = 0.5;
@@ -88,15 +87,14 @@ pub(crate) fn smooth_change(reference: &mut JointCommand, place: &Place) {
     }
 }
 
-/// A share of a gait's motion about the middle of its two switches. To first order the base moves over two legs like an
+/// A share of a gait's motion about the middle of its switches. To first order the base moves over two legs like an
 /// inverted pendulum, whose motions about a posture of balance are motions at any size.
 pub(crate) fn grown(gait: &PreparedGait, at: Instant, growth: Growth) -> Instant {
     // To the bit the gait itself.
     if growth.is_whole() {
         return at;
     }
-    let (a, b) = (gait.at(StepSide::First, 0.0).position_rad, gait.at(StepSide::Mirrored, 0.0).position_rad);
-    let middle: [f64; JOINTS] = std::array::from_fn(|j| 0.5 * (a[j] + b[j]));
+    let middle = gait.middle_rad(false);
     let Growth { share, rate } = growth;
     Instant {
         position_rad: std::array::from_fn(|j| middle[j] + share * (at.position_rad[j] - middle[j])),

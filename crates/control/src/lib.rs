@@ -41,6 +41,7 @@ mod memory;
 mod motion;
 mod posing;
 mod postures;
+mod prepared_domain;
 mod prepared_gait;
 mod progress;
 mod ramp;

@@ -98,7 +98,7 @@ impl Motion {
             (Course::Lift { lift, start, .. }, _) => {
                 self.body.over(config, lift.at(config, now.saturating_sub(*start).as_secs_f64()))
             }
-            (Course::Gait(clock), Some(gait)) => law.reference(gait, &clock.place(config, now)),
+            (Course::Gait(clock), Some(gait)) => law.reference(gait, &clock.place(gait, config, now)),
             (Course::None, _) | (Course::Gait(_), None) => JointCommand::LIMP,
         }
     }
@@ -117,7 +117,7 @@ impl Motion {
             Course::None => Expected::default(),
             Course::Gait(clock) => Expected {
                 held: [true; JOINTS],
-                walks: clock.growth(config, now).is_whole() && !clock.step().is_lead(),
+                walks: clock.growth(config, now).is_whole() && !clock.is_leading(),
                 caught: false,
             },
             Course::Ramp { ramp, start, .. } | Course::Lift { lift: Lift { ramp, .. }, start, .. } => {
@@ -243,7 +243,7 @@ impl Motion {
         self.adopt_pending();
         let Some(gait) = self.gait else { return };
         let leads = gait.has_lead();
-        let step = Step::of_walk(0, leads);
+        let step = Step::of_walk(0, leads, gait.stride_steps());
         let growth = if leads { Growth::WHOLE } else { Growth { share: config.start_share, rate: 0.0 } };
         let first = grown(&gait, gait.at_step(step, 0.0), growth);
         let to = JointCommand {
@@ -286,8 +286,8 @@ impl Motion {
         let (Some(gait), Course::Gait(clock)) = (self.gait, self.course) else {
             return;
         };
-        let step = clock.step();
-        let (position_rad, velocity_rad_s) = law.at_switch(&gait, &clock.place(config, now));
+        let step = clock.step(&gait);
+        let (position_rad, velocity_rad_s) = law.at_switch(&gait, &clock.place(&gait, config, now));
         let mut from = posture(config, &config.stand);
         from.position_rad = position_rad;
         from.velocity_rad_s = velocity_rad_s;
@@ -386,8 +386,8 @@ impl Motion {
         new: &PreparedGait,
         config: &Config,
     ) -> Progress {
-        let offset = Offset::between(old, new, clock.side());
-        if !offset.is_small(config) {
+        let offset = Offset::between(old, new, clock.step(old));
+        if !old.has_schedule_of(new) || !offset.is_small(config) {
             return Progress::GaitIsFar;
         }
         clock.change(new, offset);

@@ -1,9 +1,10 @@
 //! A gait made ready for the control cycle: checked against this robot, and free of anything on the heap.
 
 use crate::balance_config::BalanceConfig;
+use crate::prepared_domain::{self, Cycle, Polynomials, PreparedDomain, compensation};
 use crate::step::{LEAD_STEPS, Step};
 use crate::{Config, JOINTS, of_leg};
-use gait::{Coefficients, Domain, Gait, GaitError, Mirror, StepSide, bezier};
+use gait::{Coefficients, Gait, GaitError, LEGS, Mirror, StepSide, bezier};
 use nalgebra::Vector3;
 
 /// Phases at which a gait is checked before it is accepted.
@@ -47,7 +48,10 @@ pub struct PreparedGait {
     second: Option<Polynomials>,
     /// The two steps that are walked once before the first.
     #[serde(default, skip_serializing_if = "Option::is_none")]
-    lead: Option<[LeadStep; LEAD_STEPS]>,
+    lead: Option<[PreparedDomain; LEAD_STEPS]>,
+    /// What is walked over and over in place of the two steps.
+    #[serde(default = "prepared_domain::no_cycle", skip_serializing_if = "prepared_domain::is_no_cycle")]
+    cycle: Cycle,
     kp: [f64; JOINTS],
     kd: [f64; JOINTS],
     /// Rise over run, ahead and to the left, of the ground that it is planned for.
@@ -57,52 +61,6 @@ pub struct PreparedGait {
     /// the gait; none where nothing shifts them, and in recordings that are older.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     lateral_room_m: Option<[[f64; 2]; 4]>,
-}
-
-/// A step's polynomials.
-#[derive(Clone, Copy, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
-struct Polynomials {
-    planned_rad: [Coefficients; JOINTS],
-    /// Reference minus plan.
-    compensation_rad: [Coefficients; JOINTS],
-}
-
-/// A step of a lead, with its own duration.
-#[derive(Clone, Copy, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
-struct LeadStep {
-    duration_s: f64,
-    polynomials: Polynomials,
-}
-
-/// The two steps of a gait's lead, if it has one; else what is wrong with it.
-fn lead(gait: &Gait) -> Result<Option<[LeadStep; LEAD_STEPS]>, GaitError> {
-    let walked = |(index, domain): (usize, &Domain)| domain.stands == Step::Lead(index).side().stands();
-    if gait.lead.is_empty() {
-        return Ok(None);
-    }
-    if gait.lead.len() != LEAD_STEPS || !gait.lead.iter().enumerate().all(walked) {
-        let problem = "is none that is walked: expected two domains, rear_left and front_right standing in the first, \
-                       front_left and rear_right in the second";
-        return Err(GaitError::Value { gait: gait.name.clone(), field: "lead".into(), problem: problem.into() });
-    }
-    Ok(Some(std::array::from_fn(|index| {
-        let domain = &gait.lead[index];
-        LeadStep {
-            duration_s: domain.duration_s,
-            polynomials: Polynomials::new(&domain.planned_rad, &domain.reference_rad),
-        }
-    })))
-}
-
-impl Polynomials {
-    fn new(planned_rad: &[Coefficients; JOINTS], reference_rad: &[Coefficients; JOINTS]) -> Self {
-        Self { planned_rad: *planned_rad, compensation_rad: compensation(reference_rad, planned_rad) }
-    }
-}
-
-/// `reference` minus `planned`.
-fn compensation(reference: &[Coefficients; JOINTS], planned: &[Coefficients; JOINTS]) -> [Coefficients; JOINTS] {
-    std::array::from_fn(|j| std::array::from_fn(|i| reference[j][i] - planned[j][i]))
 }
 
 /// Rise over run of the ground that a gait is planned for; else the field and what is wrong.
@@ -159,6 +117,9 @@ impl PreparedGait {
                 }
             }
         }
+        if config.balance.is_some() {
+            prepared_domain::check_balanced(gait)?;
+        }
         let mut prepared = Self {
             name: GaitName::new(&gait.name),
             step_duration_s: gait.step_duration_s,
@@ -169,7 +130,8 @@ impl PreparedGait {
                 .second_step
                 .as_ref()
                 .map(|second| Polynomials::new(&second.coefficients_rad, &second.reference_coefficients_rad)),
-            lead: lead(gait)?,
+            lead: prepared_domain::lead(gait)?,
+            cycle: prepared_domain::cycle(gait),
             kp: gait.gains.kp,
             kd: gait.gains.kd,
             rise: planned_rise(gait)?,
@@ -184,7 +146,45 @@ impl PreparedGait {
     /// The steps that are walked, the lead's first.
     fn steps(&self) -> impl Iterator<Item = Step> {
         let lead = (0..LEAD_STEPS).map(Step::Lead).filter(|_| self.has_lead());
-        lead.chain(StepSide::BOTH.map(Step::Cycle))
+        lead.chain((0..self.stride_steps()).map(Step::Cycle))
+    }
+
+    /// Steps of a stride, over which the gait repeats: the trot's two, or the domains of its cycle.
+    pub fn stride_steps(&self) -> usize {
+        match self.cycle.iter().take_while(|domain| domain.is_some()).count() {
+            0 => StepSide::BOTH.len(),
+            domains => domains,
+        }
+    }
+
+    /// Whether its stride is a cycle of domains, which may differ in duration, and not the trot's two steps.
+    pub fn has_cycle(&self) -> bool {
+        self.cycle[0].is_some()
+    }
+
+    /// Which legs stand in a step; the others swing.
+    pub fn stands(&self, step: Step) -> [bool; LEGS] {
+        let (Step::Lead(index) | Step::Cycle(index)) = step;
+        self.domain(step).map_or_else(|| StepSide::of_step(index as u64).stands(), |domain| domain.stands)
+    }
+
+    /// Whether the same legs stand in the steps of both strides, one after the other.
+    pub fn has_schedule_of(&self, other: &Self) -> bool {
+        let steps = self.stride_steps();
+        let same = |index: usize| self.stands(Step::Cycle(index)) == other.stands(Step::Cycle(index));
+        steps == other.stride_steps() && (0..steps).all(same)
+    }
+
+    /// Middle of the postures in which the stride's steps begin, or the lead's: joints, rad.
+    pub fn middle_rad(&self, of_lead: bool) -> [f64; JOINTS] {
+        let (step, count): (fn(usize) -> Step, _) =
+            if of_lead { (Step::Lead, LEAD_STEPS) } else { (Step::Cycle, self.stride_steps()) };
+        let mut sum = self.at_step(step(0), 0.0).position_rad;
+        for index in 1..count {
+            let begins = self.at_step(step(index), 0.0).position_rad;
+            sum.iter_mut().zip(begins).for_each(|(sum, begins)| *sum += begins);
+        }
+        sum.map(|sum| sum / count as f64)
     }
 
     /// Whether all that is planned is within the robot's limits.
@@ -248,9 +248,9 @@ impl PreparedGait {
         self.rise
     }
 
-    /// The gait at phase `s` ∈ [0, 1] of one of its own two steps.
+    /// The trot at phase `s` ∈ [0, 1] of one of its two steps.
     pub fn at(&self, side: StepSide, s: f64) -> Instant {
-        self.at_step(Step::Cycle(side), s)
+        self.at_step(Step::Cycle(side as usize), s)
     }
 
     /// The gait at phase `s` ∈ [0, 1] of a step. Does not allocate.
@@ -284,14 +284,9 @@ impl PreparedGait {
         self.name
     }
 
-    /// T, s.
-    pub fn step_duration_s(&self) -> f64 {
-        self.step_duration_s
-    }
-
-    /// How long a step takes, s: T, or the lead's own.
+    /// How long a step takes, s: T, or the domain's own.
     pub fn duration_s(&self, step: Step) -> f64 {
-        self.lead_step(step).map_or(self.step_duration_s, |lead| lead.duration_s)
+        self.domain(step).map_or(self.step_duration_s, |domain| domain.duration_s)
     }
 
     /// Whether a walk out of standing begins with a lead.
@@ -299,25 +294,26 @@ impl PreparedGait {
         self.lead.is_some()
     }
 
-    fn lead_step(&self, step: Step) -> Option<&LeadStep> {
-        match (step, &self.lead) {
-            (Step::Lead(index), Some(lead)) => lead.get(index),
-            _ => None,
+    /// What is walked in a step that is none of the trot's two.
+    fn domain(&self, step: Step) -> Option<&PreparedDomain> {
+        match step {
+            Step::Lead(index) => self.lead.as_ref()?.get(index),
+            Step::Cycle(index) => self.cycle.get(index)?.as_ref(),
         }
     }
 
     /// The polynomials of a step that are not the first step's.
     fn own_polynomials(&self, step: Step) -> Option<&Polynomials> {
-        match step {
-            Step::Lead(_) => self.lead_step(step).map(|lead| &lead.polynomials),
-            Step::Cycle(StepSide::First) => None,
-            Step::Cycle(StepSide::Mirrored) => self.second.as_ref(),
+        match (self.domain(step), step) {
+            (Some(domain), _) => Some(&domain.polynomials),
+            (None, Step::Cycle(1)) => self.second.as_ref(),
+            (None, _) => None,
         }
     }
 
     /// Whether a step is the first one's mirror image.
     fn is_mirror_image(&self, step: Step) -> bool {
-        step.side() == StepSide::Mirrored && self.own_polynomials(step).is_none()
+        step == Step::Cycle(1) && self.own_polynomials(step).is_none()
     }
 
     /// Position gains in a step, N m / rad.

@@ -1,6 +1,5 @@
-//! Which step of a walk is walked: the lead's come first, then the gait's own two in turn.
-
-use gait::StepSide;
+//! Which step of a walk is walked: the lead's come first, then those of the gait's stride, over and over. A step is a
+//! domain: while it lasts the same legs stand.
 
 /// Steps of a lead.
 pub(crate) const LEAD_STEPS: usize = 2;
@@ -10,24 +9,18 @@ pub(crate) const LEAD_STEPS: usize = 2;
 pub enum Step {
     /// One of the lead's, counted from 0; walked once.
     Lead(usize),
-    /// One of the gait's own two.
-    Cycle(StepSide),
+    /// One of the stride's, counted from 0: of the trot's two, or a domain of the gait's cycle.
+    Cycle(usize),
 }
 
 impl Step {
-    /// Step number `index` of a walk, counted from 0, that began with a lead or without.
-    pub fn of_walk(index: u64, leads: bool) -> Self {
-        match usize::try_from(index) {
-            Ok(index) if leads && index < LEAD_STEPS => Self::Lead(index),
-            _ => Self::Cycle(StepSide::of_step(index)),
-        }
-    }
-
-    /// Which legs stand and which swing.
-    pub fn side(self) -> StepSide {
-        match self {
-            Self::Lead(index) => StepSide::of_step(index as u64),
-            Self::Cycle(side) => side,
+    /// Step number `index` of a walk, counted from 0, that began with a lead or without, over strides of
+    /// `stride_steps` steps, at least one.
+    pub fn of_walk(index: u64, leads: bool, stride_steps: usize) -> Self {
+        let lead_steps = if leads { LEAD_STEPS as u64 } else { 0 };
+        match index.checked_sub(lead_steps) {
+            Some(walked) => Self::Cycle((walked % stride_steps as u64) as usize),
+            None => Self::Lead(index as usize),
         }
     }
 

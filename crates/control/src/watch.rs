@@ -186,8 +186,8 @@ impl Watch {
         }
     }
 
-    /// A joint that does not move with its command is stuck. Only in a whole walk, where every foot is lifted once in
-    /// two steps: friction may hold a foot that carries the robot from posture to posture, or that hardly leaves the
+    /// A joint that does not move with its command is stuck. Only in a whole walk, where every foot is lifted once
+    /// in a stride: friction may hold a foot that carries the robot from posture to posture, or that hardly leaves the
     /// ground.
     fn watch_stillness(&mut self, seen: &Seen, joint: usize, q: f64, gap: Duration, found: &mut Found) {
         let commanded = seen.commanded_rad[joint];

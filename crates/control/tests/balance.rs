@@ -2,7 +2,7 @@
 //! What it survives is tested in MuJoCo (nodes/sim_bridge/tests/trial.rs).
 
 use control::balanced::{Balance, BalanceConfig, Cycle};
-use control::{Config, InertialState, Instant, JOINTS, PreparedGait, Velocity};
+use control::{Config, InertialState, Instant, JOINTS, PreparedGait, Step, Velocity};
 use estimator::{Estimator, Health};
 use gait::Gait;
 use robot::Robot;
@@ -64,9 +64,9 @@ impl Bench {
                 acceleration_m_s2: Some([ahead_m_s2, 9.81 * roll_rad.sin(), 9.81 * roll_rad.cos()]),
             };
             // Velocities of joints that walk at the speed given.
-            let at = self.gait.at(memory.side(), memory.phase());
+            let at = self.gait.at_step(memory.step(&self.gait), memory.phase());
             let velocity = at.velocity_rad_s.map(|v| v * speed_m_s / 0.35);
-            let (swings, phase) = (memory.swings(), Some(memory.phase()));
+            let (swings, phase) = (memory.swings(&self.gait), Some(memory.phase()));
             let joints = (&at.position_rad, &velocity);
             self.balance.estimate(
                 &mut memory.estimate,
@@ -94,16 +94,16 @@ struct Memory {
 }
 
 impl Memory {
-    fn side(&self) -> gait::StepSide {
-        self.balance.as_ref().map_or(gait::StepSide::First, Balance::side)
+    fn step(&self, gait: &PreparedGait) -> Step {
+        self.balance.as_ref().map_or(Step::Cycle(0), |balance| balance.present_step(gait))
     }
 
     fn phase(&self) -> f64 {
         self.balance.as_ref().map_or(0.0, Balance::phase)
     }
 
-    fn swings(&self) -> [bool; 4] {
-        self.balance.as_ref().map_or([true, false, false, true], Balance::swings)
+    fn swings(&self, gait: &PreparedGait) -> [bool; 4] {
+        self.balance.as_ref().map_or([true, false, false, true], |balance| balance.swings(gait))
     }
 }
 
@@ -135,7 +135,7 @@ fn where_nothing_disturbs_the_plan_is_walked() {
     let bench = Bench::new();
     let mut memory = Memory::default();
     let asked = bench.run(&mut memory, 150, 0.0, 0.35);
-    let plan = bench.gait.at(memory.side(), memory.phase());
+    let plan = bench.gait.at_step(memory.step(&bench.gait), memory.phase());
     for j in 0..JOINTS {
         let away = asked.position_rad[j] - plan.position_rad[j];
         assert!(away.abs() < 0.06, "joint {j}: {away} rad");

@@ -1,6 +1,6 @@
 //! Why a gait is refused.
 
-use crate::version::{FILE_FORMAT, FILE_VERSION, FILE_VERSION_LEAD, FILE_VERSION_TWO_STEPS, MAX_FILE_BYTES};
+use crate::version::{FILE_FORMAT, FILE_VERSION, FILE_VERSION_DOMAINS, FILE_VERSION_TWO_STEPS, MAX_FILE_BYTES};
 
 /// Why a gait was refused.
 #[derive(Debug, thiserror::Error)]
@@ -22,7 +22,7 @@ pub enum GaitError {
     },
     /// A version this software does not read.
     #[error(
-        "gait file: version is {found}, expected {FILE_VERSION}, {FILE_VERSION_TWO_STEPS} or {FILE_VERSION_LEAD}: plan the gait again with this version's `tandem plan`"
+        "gait file: version is {found}, expected {FILE_VERSION}, {FILE_VERSION_TWO_STEPS} or {FILE_VERSION_DOMAINS}: plan the gait again with this version's `tandem plan`"
     )]
     Version {
         /// What the file reports.

@@ -1,12 +1,12 @@
 //! The gait file: JSON, format "tandem-gait". Version 1 is a gait whose second step mirrors the first; version 2 is
-//! version 1 and a `second_step` of its own; version 3 is either and a `lead`. A gait is written in the
+//! version 1 and a `second_step` of its own; version 3 has a `lead`, a `cycle` or both. A gait is written in the
 //! lowest version that can carry it, so that a reader of version 1 reads every gait that it can walk, and refuses, by
 //! its version, a gait that it would walk wrongly.
 
 use crate::error::GaitError;
 use crate::types::{Gait, GaitFile};
 use crate::version::{
-    FILE_FORMAT, FILE_VERSION, FILE_VERSION_LEAD, FILE_VERSION_TWO_STEPS, FILE_VERSIONS, MAX_FILE_BYTES,
+    FILE_FORMAT, FILE_VERSION, FILE_VERSION_DOMAINS, FILE_VERSION_TWO_STEPS, FILE_VERSIONS, MAX_FILE_BYTES,
 };
 use serde::Deserialize;
 
@@ -20,10 +20,10 @@ struct Header {
 impl Gait {
     /// The lowest version of the gait file that can carry the gait.
     pub fn file_version(&self) -> u64 {
-        match (&self.lead[..], &self.second_step) {
-            ([], None) => FILE_VERSION,
-            ([], Some(_)) => FILE_VERSION_TWO_STEPS,
-            (_, _) => FILE_VERSION_LEAD,
+        match &self.second_step {
+            _ if !self.lead.is_empty() || !self.cycle.is_empty() => FILE_VERSION_DOMAINS,
+            None => FILE_VERSION,
+            Some(_) => FILE_VERSION_TWO_STEPS,
         }
     }
 
@@ -43,9 +43,10 @@ impl Gait {
         let gait = file.content();
         if gait.file_version() != header.version {
             let has = |is_there: bool| if is_there { "a" } else { "no" };
-            let (second, lead) = (has(gait.second_step.is_some()), has(!gait.lead.is_empty()));
+            let parts = [gait.second_step.is_some(), !gait.lead.is_empty(), !gait.cycle.is_empty()];
+            let [second, lead, cycle] = parts.map(has);
             let problem = format!(
-                "is {}, expected {}: the file has {second} second_step and {lead} lead",
+                "is {}, expected {}: the file has {second} second_step, {lead} lead and {cycle} cycle",
                 header.version,
                 gait.file_version()
             );
@@ -90,6 +91,7 @@ mod tests {
             mirror: Mirror { leg: [2, 3, 0, 1], sign: [-1.0, 1.0, 1.0] },
             second_step: None,
             lead: Vec::new(),
+            cycle: Vec::new(),
             initial: InitialState {
                 base_position_m: [0.0, 0.0, 0.5825],
                 base_quaternion_xyzw: [0.0, 0.0, 0.0, 1.0],
@@ -181,7 +183,7 @@ mod tests {
         for (from, to, text) in [("2", "1", &text), ("1", "2", &mirrored.to_json())] {
             let text = text.replace(&format!("\"version\": {from},"), &format!("\"version\": {to},"));
             let e = Gait::from_json(&text).unwrap_err().to_string();
-            assert!(e.contains("version is ") && e.contains(" second_step and no lead"), "{e}");
+            assert!(e.contains("version is ") && e.contains(" second_step, no lead and no cycle"), "{e}");
         }
     }
 
@@ -208,10 +210,10 @@ mod tests {
         }
         let text = standing().to_json().replace("\"version\": 1,", "\"version\": 3,");
         let e = Gait::from_json(&text).unwrap_err().to_string();
-        assert!(e.contains("version is 3, expected 1: the file has no second_step and no lead"), "{e}");
+        assert!(e.contains("version is 3, expected 1: the file has no second_step, no lead and no cycle"), "{e}");
         let text = with_lead().to_json().replace("\"version\": 3,", "\"version\": 2,");
         let e = Gait::from_json(&text).unwrap_err().to_string();
-        assert!(e.contains("version is 2, expected 3: the file has no second_step and a lead"), "{e}");
+        assert!(e.contains("version is 2, expected 3: the file has no second_step, a lead and no cycle"), "{e}");
     }
 
     #[test]

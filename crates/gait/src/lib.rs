@@ -15,6 +15,7 @@
 pub mod bezier;
 mod certificate;
 mod domain;
+mod domain_checks;
 mod error;
 mod file;
 mod schedule;
@@ -24,12 +25,13 @@ mod version;
 
 pub use bezier::Coefficients;
 pub use domain::Domain;
+pub use domain_checks::{MAX_CYCLE_DOMAINS, MAX_LEAD_DOMAINS};
 pub use error::GaitError;
 pub use joints::{JOINTS, JOINTS_PER_LEG, LEG_LABELS, LEG_NAMES, LEGS, Mirror};
 pub use schedule::StepSide;
 pub use types::{Certificate, Gains, Gait, InitialState, SecondStep, SolverSummary};
-pub use validate::{MAX_LEAD_DOMAINS, MAX_NAME_CHARS};
-pub use version::{FILE_FORMAT, FILE_VERSION, FILE_VERSION_LEAD, FILE_VERSION_TWO_STEPS, MAX_FILE_BYTES};
+pub use validate::MAX_NAME_CHARS;
+pub use version::{FILE_FORMAT, FILE_VERSION, FILE_VERSION_DOMAINS, FILE_VERSION_TWO_STEPS, MAX_FILE_BYTES};
 
 impl Gait {
     /// What the tracking law follows at phase `s` ∈ [0, 1] of a step: positions rad, velocities rad/s. Does not

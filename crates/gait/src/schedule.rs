@@ -1,5 +1,5 @@
-//! The contact schedule: which legs stand when. A stride is a sequence of domains, phases in which the same legs stand;
-//! this software's only schedule is the trot's, two steps on the legs of one diagonal each.
+//! The contact schedule: which legs stand when. A stride is a sequence of domains, phases in which the same legs stand:
+//! the gait's cycle, or the trot's, two steps on the legs of one diagonal each.
 
 use joints::{JOINTS, LEGS};
 
@@ -58,14 +58,41 @@ impl StepSide {
 }
 
 impl Gait {
-    /// The stride's domains, in order; the lead comes before them.
-    pub fn schedule(&self) -> [Domain; 2] {
+    /// The stride's domains, in order, which are walked over and over: the cycle, or the two steps. The lead comes
+    /// before them.
+    pub fn schedule(&self) -> Vec<Domain> {
+        if !self.cycle.is_empty() {
+            return self.cycle.clone();
+        }
+        self.steps().to_vec()
+    }
+
+    /// The trot's two steps as domains.
+    pub fn steps(&self) -> [Domain; 2] {
         StepSide::BOTH.map(|side| Domain {
             stands: side.stands(),
             duration_s: self.step_duration_s,
             planned_rad: self.planned_coefficients(side),
             reference_rad: self.reference_coefficients(side),
         })
+    }
+
+    /// What is walked in step `index` of a walk out of standing, counted from 0: the lead's domains first.
+    pub fn domain_of_step(&self, index: u64) -> Domain {
+        let lead = self.lead.len() as u64;
+        if index < lead {
+            return self.lead[index as usize].clone();
+        }
+        let mut stride = self.schedule();
+        stride.swap_remove(((index - lead) % stride.len() as u64) as usize)
+    }
+
+    /// How long the stride takes, s.
+    pub fn stride_duration_s(&self) -> f64 {
+        match &self.cycle[..] {
+            [] => 2.0 * self.step_duration_s,
+            cycle => cycle.iter().map(|domain| domain.duration_s).sum(),
+        }
     }
 
     /// The planned joints' polynomials in the step of `side`, rad. Does not allocate.

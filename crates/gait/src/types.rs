@@ -62,6 +62,11 @@ gait_type! {
         /// What is walked once before the first step, as from standing; most gaits have none.
         #[serde(default, skip_serializing_if = "Vec::is_empty")]
         lead: Vec<Domain>,
+        /// What is walked over and over in place of the two steps, after the lead; none: the two steps are. Of a gait
+        /// with a cycle `coefficients_rad` and `reference_coefficients_rad` are its first domain's, and T is the
+        /// request's: the cycle takes a whole number of T.
+        #[serde(default, skip_serializing_if = "Vec::is_empty")]
+        cycle: Vec<Domain>,
         /// State at the start of the first step.
         initial: InitialState,
         /// What the tracking law follows, rad: the compensated reference, which makes the bare law give the planned

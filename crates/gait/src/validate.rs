@@ -10,12 +10,10 @@ use std::ops::RangeInclusive;
 
 /// Longest name of a gait or its robot, in characters.
 pub const MAX_NAME_CHARS: usize = 128;
-/// Most domains of a lead.
-pub const MAX_LEAD_DOMAINS: usize = 8;
 /// How long a step or another domain may take, s.
 const DURATION_S: RangeInclusive<f64> = 0.02..=10.0;
 /// A jump of the planned joints where one domain follows another would be a blow to the drives.
-const JUMP_RAD: f64 = 0.02;
+pub(crate) const JUMP_RAD: f64 = 0.02;
 
 impl Gait {
     pub(crate) fn refuse(&self, field: impl Into<String>, problem: impl Into<String>) -> GaitError {
@@ -32,10 +30,11 @@ impl Gait {
         self.check_joint_names()?;
         self.check_certificate()?;
         self.check_continuity()?;
-        self.check_lead()
+        self.check_lead()?;
+        self.check_cycle()
     }
 
-    fn check_finite(&self, field: &str, values: &[f64]) -> Result<(), GaitError> {
+    pub(crate) fn check_finite(&self, field: &str, values: &[f64]) -> Result<(), GaitError> {
         match values.iter().position(|v| !v.is_finite()) {
             Some(i) => Err(self.refuse(format!("{field}[{i}]"), format!("is {}, expected a finite number", values[i]))),
             None => Ok(()),
@@ -56,7 +55,7 @@ impl Gait {
         self.check_finite("step_length_m", &[self.step_length_m])
     }
 
-    fn check_duration(&self, field: &str, duration_s: f64) -> Result<(), GaitError> {
+    pub(crate) fn check_duration(&self, field: &str, duration_s: f64) -> Result<(), GaitError> {
         let (least, most) = (DURATION_S.start(), DURATION_S.end());
         match DURATION_S.contains(&duration_s) {
             true => Ok(()),
@@ -138,6 +137,19 @@ impl Gait {
 
     fn check_continuity(&self) -> Result<(), GaitError> {
         let (start, _) = self.planned(StepSide::First, 0.0);
+        for j in 0..JOINTS {
+            let initial = self.initial.joint_position_rad[j];
+            if (start[j] - initial).abs() > JUMP_RAD {
+                return Err(self.refuse(
+                    format!("initial.joint_position_rad[{j}]"),
+                    format!("is {initial}, the planned step starts at {}", start[j]),
+                ));
+            }
+        }
+        // What is walked then are no two steps.
+        if !self.cycle.is_empty() {
+            return Ok(());
+        }
         for (side, field) in
             [(StepSide::First, "coefficients_rad"), (StepSide::Mirrored, "second_step.coefficients_rad")]
         {
@@ -154,48 +166,6 @@ impl Gait {
                         ),
                     ));
                 }
-            }
-        }
-        for j in 0..JOINTS {
-            let initial = self.initial.joint_position_rad[j];
-            if (start[j] - initial).abs() > JUMP_RAD {
-                return Err(self.refuse(
-                    format!("initial.joint_position_rad[{j}]"),
-                    format!("is {initial}, the planned step starts at {}", start[j]),
-                ));
-            }
-        }
-        Ok(())
-    }
-
-    /// Every domain by itself, and each one's end meeting the next one's start, the last one's the first step's.
-    fn check_lead(&self) -> Result<(), GaitError> {
-        if self.lead.len() > MAX_LEAD_DOMAINS {
-            let problem = format!("has {} domains, expected at most {MAX_LEAD_DOMAINS}", self.lead.len());
-            return Err(self.refuse("lead", problem));
-        }
-        for (n, domain) in self.lead.iter().enumerate() {
-            let field = |name: &str| format!("lead[{n}].{name}");
-            self.check_duration(&field("duration_s"), domain.duration_s)?;
-            self.check_finite(&field("coefficients_rad"), domain.planned_rad.as_flattened())?;
-            self.check_finite(&field("reference_coefficients_rad"), domain.reference_rad.as_flattened())?;
-            if domain.stands == [false; LEGS] {
-                return Err(self.refuse(field("stance_legs"), "names none, expected at least one leg that stands"));
-            }
-        }
-        for (n, domain) in self.lead.iter().enumerate() {
-            let (end, _) = domain.planned(1.0);
-            let (next, _) =
-                self.lead.get(n + 1).map_or_else(|| self.planned(StepSide::First, 0.0), |next| next.planned(0.0));
-            if let Some(j) = (0..JOINTS).find(|&j| (end[j] - next[j]).abs() > JUMP_RAD) {
-                return Err(self.refuse(
-                    format!("lead[{n}].coefficients_rad"),
-                    format!(
-                        "let {} jump by {:.3} rad at the domain's end, expected at most {JUMP_RAD}",
-                        self.joint_names[j],
-                        end[j] - next[j]
-                    ),
-                ));
             }
         }
         Ok(())

@@ -2,9 +2,10 @@
 //! model.
 
 use crate::PlanError;
+use crate::contact_schedule::ContactSchedule;
 use crate::program::{DOF, DecomposedProgram, layout as at};
 use crate::request::GaitRequest;
-use gait::{Coefficients, Gains, Gait, InitialState, JOINTS, SolverSummary, bezier};
+use gait::{Coefficients, Domain, Gains, Gait, InitialState, JOINTS, SolverSummary, bezier};
 use nalgebra::{DMatrix, Rotation3, UnitQuaternion, Vector3};
 use rigid_body::{Data, rnea};
 use robot::Robot;
@@ -133,9 +134,42 @@ pub(crate) fn gait(
     solver: SolverSummary,
     second_step: Option<gait::SecondStep>,
 ) -> Result<Gait, PlanError> {
+    let reference_rad = compensated_reference(robot, points, t);
+    let gait =
+        Gait { second_step, ..of_request(robot, [coefficients_rad, reference_rad], t, request, &points[0], solver) };
+    gait.validate()?;
+    Ok(gait)
+}
+
+/// The gait of a contact schedule's cycle, which begins at `first`.
+pub(crate) fn gait_of_cycle(
+    robot: &Robot,
+    t: f64,
+    request: &GaitRequest,
+    contacts: &ContactSchedule,
+    first: &PlanPoint,
+    solver: SolverSummary,
+    cycle: Vec<Domain>,
+) -> Result<Gait, PlanError> {
+    let begins = [cycle[0].planned_rad, cycle[0].reference_rad];
+    let mut gait = Gait { cycle, ..of_request(robot, begins, t, request, first, solver) };
+    gait.request["contact_schedule"] = serde_json::to_value(contacts).expect("a schedule is a name and a share");
+    gait.validate()?;
+    Ok(gait)
+}
+
+/// A gait of one step: planned joints and reference, rad.
+fn of_request(
+    robot: &Robot,
+    [coefficients_rad, reference_coefficients_rad]: [[Coefficients; JOINTS]; 2],
+    t: f64,
+    request: &GaitRequest,
+    first: &PlanPoint,
+    solver: SolverSummary,
+) -> Gait {
     let kp: [f64; JOINTS] = std::array::from_fn(|j| robot.gains.kp_nm_per_rad[j % 3]);
     let kd: [f64; JOINTS] = std::array::from_fn(|j| robot.gains.kd_nm_s_per_rad[j % 3]);
-    let gait = Gait {
+    Gait {
         robot: robot.name.clone(),
         name: request.behaviour.clone(),
         joint_names: robot.joint_names(),
@@ -144,18 +178,17 @@ pub(crate) fn gait(
         bezier_degree: bezier::DEGREE,
         coefficients_rad,
         mirror: robot.mirror,
-        second_step,
+        second_step: None,
         lead: Vec::new(),
-        initial: initial_state(robot, &points[0]),
-        reference_coefficients_rad: compensated_reference(robot, points, t),
+        cycle: Vec::new(),
+        initial: initial_state(robot, first),
+        reference_coefficients_rad,
         gains: Gains { kp, kd },
         torque_limit_nm: std::array::from_fn(|j| request.torque_limit_nm[j % 3]),
         request: serde_json::to_value(request).expect("a request is plain numbers and a name"),
         solver,
         certificate: None,
-    };
-    gait.validate()?;
-    Ok(gait)
+    }
 }
 
 /// A point's state as a gait's start.

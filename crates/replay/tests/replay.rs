@@ -207,7 +207,23 @@ fn a_recording_that_begins_in_the_middle_runs_again_to_the_bit() {
 #[test]
 fn a_recording_of_a_walk_with_a_lead_runs_again_to_the_bit() {
     let mut gait = gait(&robot());
-    gait.lead = gait.schedule().map(|step| gait::Domain { duration_s: 0.3, ..step }).to_vec();
+    gait.lead = gait.schedule().into_iter().map(|step| gait::Domain { duration_s: 0.3, ..step }).collect();
+    let folder = tempfile::tempdir().unwrap();
+    for (number, first) in [3, 7777].into_iter().enumerate() {
+        let bag = folder.path().join(number.to_string());
+        record_from(&bag, 9, first, &gait);
+        let verification = verify(&bag).unwrap();
+        assert_eq!((verification.cycles, verification.different), (9001 - first, 0), "{:?}", verification.first);
+    }
+}
+
+#[test]
+fn a_recording_of_a_walk_over_a_cycle_of_domains_runs_again_to_the_bit() {
+    let trot = gait(&robot());
+    let shares = [1.1, 0.9, 0.95, 1.05];
+    let steps = trot.schedule().into_iter().cycle().zip(shares);
+    let cycle = steps.map(|(step, share)| gait::Domain { duration_s: share * trot.step_duration_s, ..step }).collect();
+    let gait = gait::Gait { cycle, ..trot };
     let folder = tempfile::tempdir().unwrap();
     for (number, first) in [3, 7777].into_iter().enumerate() {
         let bag = folder.path().join(number.to_string());

@@ -123,7 +123,7 @@ fn over_time(panels: &[Area], run: &Run, driven: &Driven, samples: &[Sample]) ->
     let course = |value: &dyn Fn(&Sample) -> f64| -> Vec<(f64, f64)> {
         samples.iter().map(|sample| (sample.time_s, value(sample))).collect()
     };
-    let smooth = |points: Vec<(f64, f64)>| averaged(&points, 2.0 * run.gait.step_duration_s);
+    let smooth = |points: Vec<(f64, f64)>| averaged(&points, run.gait.stride_duration_s());
     let ahead = course(&|sample| {
         let (sine, cosine) = sample.base_roll_pitch_yaw_rad[2].sin_cos();
         cosine * sample.base_linear_velocity_m_s[0] + sine * sample.base_linear_velocity_m_s[1]

@@ -2,12 +2,13 @@
 
 use std::ops::Range;
 
-use gait::{JOINTS_PER_LEG, LEG_LABELS, LEGS, StepSide};
+use gait::{JOINTS_PER_LEG, LEG_LABELS, LEGS};
 use plotters::coord::types::RangedCoordf64;
 use plotters::prelude::*;
 use plotters::style::text_anchor::{HPos, Pos, VPos};
 
 use crate::canvas::{Area, BLUE, FAINT, GREEN, GRID, INK, Image, ORANGE, VERMILION, draw, drawing, px, text};
+use crate::planned_stride::{planned_orbit, planned_steps};
 use crate::run::{Run, STANDING_N, Sample};
 use crate::{Origin, ReportError, mean_absolute_torque_nm, mean_forward_speed_m_s, table_two};
 
@@ -64,7 +65,7 @@ pub fn phase_portraits(run: &Run) -> Result<Image, ReportError> {
                 })
                 .collect();
             let planned: Vec<Vec<(f64, f64)>> =
-                (0..LEGS / 2).map(|leg| planned_orbit(run, leg * JOINTS_PER_LEG + joint)).collect();
+                (0..LEGS / 2).map(|leg| planned_orbit(run.gait, leg * JOINTS_PER_LEG + joint, 200)).collect();
             let all = || walked.iter().chain(&planned).flatten();
             let mut chart = chart(
                 panel,
@@ -81,19 +82,6 @@ pub fn phase_portraits(run: &Run) -> Result<Image, ReportError> {
         }
         Ok(())
     })
-}
-
-/// One joint's planned stride: the step and its mirror.
-fn planned_orbit(run: &Run, joint: usize) -> Vec<(f64, f64)> {
-    const POINTS: u32 = 200;
-    StepSide::BOTH
-        .into_iter()
-        .flat_map(|side| (0..=POINTS).map(move |point| (side, f64::from(point) / f64::from(POINTS))))
-        .map(|(side, phase)| {
-            let (position, velocity) = run.gait.planned(side, phase);
-            (position[joint], velocity[joint])
-        })
-        .collect()
 }
 
 /// Mean absolute torque by joint type in settled walking, beside the paper's Table II if it has this behaviour.
@@ -170,7 +158,7 @@ pub fn torque_bars(run: &Run) -> Result<Image, ReportError> {
 pub fn time_series(run: &Run) -> Result<Image, ReportError> {
     run.check()?;
     let samples = run.samples;
-    let stride_s = 2.0 * run.gait.step_duration_s;
+    let stride_s = run.gait.stride_duration_s();
     let time = samples[0].time_s..samples[samples.len() - 1].time_s;
     let course = |value: &dyn Fn(&Sample) -> f64| -> Vec<(f64, f64)> {
         samples.iter().map(|sample| (sample.time_s, value(sample))).collect()
@@ -260,19 +248,21 @@ pub fn time_series(run: &Run) -> Result<Image, ReportError> {
 /// [`ReportError::TooLittle`], [`ReportError::BadSample`], [`ReportError::Drawing`].
 pub fn footfalls(run: &Run) -> Result<Image, ReportError> {
     run.check()?;
-    let step_s = run.gait.step_duration_s;
     let walking = run.walking();
     let last_s = walking[walking.len() - 1].time_s;
     // Whole steps, so that the picture begins with a switch.
-    let steps = ((last_s - run.walking_from_s) / step_s + 1e-9).floor();
-    let shown = steps.min(8.0);
-    let start_s = run.walking_from_s + (steps - shown) * step_s;
-    let end_s = start_s + shown * step_s;
+    let steps = planned_steps(run.gait, last_s - run.walking_from_s);
+    let shown = &steps[steps.len().saturating_sub(8)..];
+    let (Some(first), Some(last)) = (shown.first(), shown.last()) else {
+        let problem = "not one whole step of walking".into();
+        return Err(ReportError::TooLittle { run: run.gait.name.clone(), problem });
+    };
+    let [start_s, end_s] = [first.from_s, last.to_s].map(|time_s| run.walking_from_s + time_s);
     let window = &walking[walking.partition_point(|sample| sample.time_s < start_s)..];
     let window = &window[..window.partition_point(|sample| sample.time_s <= end_s)];
     let colour = run.origin.colour();
     draw(1400, 470, |area| {
-        let title = format!("{}: footfalls of the last {shown:.0} steps", run.gait.name);
+        let title = format!("{}: footfalls of the last {} steps", run.gait.name, shown.len());
         let note =
             format!("a foot stands where it carries more than {STANDING_N:.0} N; vertical lines: switch of steps");
         let plot = heading(
@@ -310,8 +300,7 @@ pub fn footfalls(run: &Run) -> Result<Image, ReportError> {
             .axis_desc_style(text(18, INK))
             .draw()
             .map_err(drawing)?;
-        for step in 0..=shown as u32 {
-            let at = start_s + f64::from(step) * step_s;
+        for at in shown.iter().map(|step| run.walking_from_s + step.from_s).chain([end_s]) {
             line(&mut chart, &[(at, -0.6), (at, 3.6)], GRID.to_rgba(), 1.0)?;
         }
         for leg in 0..LEGS {
@@ -321,12 +310,10 @@ pub fn footfalls(run: &Run) -> Result<Image, ReportError> {
                     .draw_series([Rectangle::new([(from, row - 0.12), (to, row + 0.32)], colour.filled())])
                     .map_err(drawing)?;
             }
-            for step in 0..shown as u64 {
-                if StepSide::of_step((steps - shown) as u64 + step).stands()[leg] {
-                    let from = start_s + step as f64 * step_s;
-                    let stance = [(from, row - 0.32), (from + step_s, row - 0.2)];
-                    chart.draw_series([Rectangle::new(stance, VERMILION.filled())]).map_err(drawing)?;
-                }
+            for step in shown.iter().filter(|step| step.stands[leg]) {
+                let [from, to] = [step.from_s, step.to_s].map(|time_s| run.walking_from_s + time_s);
+                let stance = [(from, row - 0.32), (to, row - 0.2)];
+                chart.draw_series([Rectangle::new(stance, VERMILION.filled())]).map_err(drawing)?;
             }
         }
         Ok(())

@@ -47,6 +47,7 @@ mod numbers;
 mod page;
 mod paper;
 mod planned_step;
+mod planned_stride;
 mod run;
 mod tiles;
 

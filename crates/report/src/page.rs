@@ -1,10 +1,11 @@
 //! The report as one self-contained page: no network, no fonts, no scripts from elsewhere.
 
-use gait::{Gait, JOINTS_PER_LEG, LEGS, StepSide};
+use gait::{Gait, JOINTS_PER_LEG, LEGS};
 use serde_json::{Value, json};
 
 use crate::balanced::Way;
 use crate::numbers::{list, rounded};
+use crate::planned_stride::planned_orbit;
 use crate::run::{STANDING_N, from};
 use crate::{Balanced, ReportError, Sample, mean_absolute_torque_nm, mean_forward_speed_m_s, table_two};
 
@@ -107,7 +108,7 @@ fn run_data(run: &PageRun) -> Value {
     let settled = settled(run);
     let every = samples.len().div_ceil(POINTS).max(1);
     let thin: Vec<&Sample> = samples.iter().step_by(every).collect();
-    let stride_s = run.gait.map_or(0.5, |gait| 2.0 * gait.step_duration_s);
+    let stride_s = run.gait.map_or(0.5, |gait| gait.stride_duration_s());
     let course = |value: &dyn Fn(&Sample) -> f64| thin.iter().map(|sample| value(sample)).collect::<Vec<f64>>();
     let smooth = |value: &dyn Fn(&Sample) -> f64| -> Vec<f64> {
         let all: Vec<(f64, f64)> = samples.iter().map(|sample| (sample.time_s, value(sample))).collect();
@@ -226,14 +227,7 @@ fn portrait(run: &PageRun, settled: &[Sample]) -> Value {
 fn planned(gait: &Gait) -> Vec<Value> {
     (0..JOINTS_PER_LEG * LEGS / 2)
         .map(|joint| {
-            let points: Vec<(f64, f64)> = StepSide::BOTH
-                .into_iter()
-                .flat_map(|side| (0..=100).map(move |point| (side, f64::from(point) / 100.0)))
-                .map(|(side, phase)| {
-                    let (position, velocity) = gait.planned(side, phase);
-                    (position[joint], velocity[joint])
-                })
-                .collect();
+            let points = planned_orbit(gait, joint, 100);
             json!([list(points.iter().map(|p| p.0), 0.0001), list(points.iter().map(|p| p.1), 0.001)])
         })
         .collect()

@@ -57,17 +57,14 @@ pub(crate) const STANDING_N: f64 = 10.0;
 impl<'a> Run<'a> {
     /// What the run's pictures show, for the head of their strip.
     pub(crate) fn tiles_caption(&self) -> String {
-        let steps = match self.tiles {
-            [first, .., last] => (last.time_s - first.time_s) / self.gait.step_duration_s,
+        let shown_s = match self.tiles {
+            [first, .., last] => last.time_s - first.time_s,
             _ => 0.0,
         };
-        let what = if steps > 1.5 { "one stride" } else { "one step" };
-        format!(
-            "{}: {what} of {:.3} s, {}",
-            self.gait.name,
-            steps.max(1.0).round() * self.gait.step_duration_s,
-            self.origin.word()
-        )
+        let stride_s = self.gait.stride_duration_s();
+        let (what, time_s) =
+            if shown_s > 0.75 * stride_s { ("one stride", stride_s) } else { ("one step", self.gait.step_duration_s) };
+        format!("{}: {what} of {time_s:.3} s, {}", self.gait.name, self.origin.word())
     }
 
     pub(crate) fn check(&self) -> Result<(), ReportError> {
@@ -94,7 +91,7 @@ impl<'a> Run<'a> {
             last = time_s;
         }
         let walked_s = self.walking().last().map_or(0.0, |sample| sample.time_s - self.walking_from_s);
-        let needed_s = 4.0 * self.gait.step_duration_s;
+        let needed_s = 2.0 * self.gait.stride_duration_s();
         if walked_s < needed_s {
             let problem = format!(
                 "{walked_s:.2} s of walking in {} samples; expected at least two strides, {needed_s:.2} s",
@@ -120,7 +117,7 @@ impl<'a> Run<'a> {
 
     /// Samples of settled walking: two seconds in, as the referee counts; all of a shorter walk but its first stride.
     pub(crate) fn settled(&self) -> &'a [Sample] {
-        let stride_s = 2.0 * self.gait.step_duration_s;
+        let stride_s = self.gait.stride_duration_s();
         let end_s = self.samples.last().map_or(0.0, |sample| sample.time_s);
         let wanted_s = self.walking_from_s + 2.0;
         let start_s = if wanted_s + 2.0 * stride_s <= end_s { wanted_s } else { self.walking_from_s + stride_s };

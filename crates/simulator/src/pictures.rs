@@ -71,7 +71,7 @@ impl<'a> Studio<'a> {
         walking_from_s: f64,
     ) -> Result<Self, FilmError> {
         let options = SimulatorOptions { fine_pictures: true, ..options.clone() };
-        let stride_s = 2.0 * gait.step_duration_s;
+        let stride_s = gait.stride_duration_s();
         let walked_s = samples.last().map_or(0.0, |last| last.time_s - walking_from_s);
         // The last stride that is whole, or the first after settling, whichever is earlier; never the very first.
         let last = (walked_s / stride_s).floor() - 1.0;
@@ -101,7 +101,7 @@ impl<'a> Studio<'a> {
     /// [`PictureError`] in [`FilmError::Picture`]: where OpenGL is missing it says what to install.
     pub fn tiles(&mut self) -> Result<Vec<Tile>, FilmError> {
         let mut renderer = Renderer::new(&self.simulator, TILE.0, TILE.1)?;
-        let stride_s = 2.0 * self.gait.step_duration_s;
+        let stride_s = self.gait.stride_duration_s();
         (0..TILES)
             .map(|i| {
                 let time_s = stride_s * i as f64 / (TILES - 1) as f64;
@@ -118,7 +118,7 @@ impl<'a> Studio<'a> {
     /// As [`Studio::tiles`].
     pub fn animation(&mut self) -> Result<Vec<u8>, FilmError> {
         let mut renderer = Renderer::new(&self.simulator, ANIMATION.0, ANIMATION.1)?;
-        let stride_s = 2.0 * self.gait.step_duration_s;
+        let stride_s = self.gait.stride_duration_s();
         let frames = (SLOWNESS * stride_s * FRAMES_PER_S).round().max(2.0) as usize;
         let images = (0..frames)
             .map(|i| self.draw(&mut renderer, stride_s * i as f64 / frames as f64, Camera::ThreeQuarter))

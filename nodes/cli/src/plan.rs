@@ -1,5 +1,6 @@
 //! `tandem plan`: one gait from a request.
 
+mod schedule;
 mod transition;
 mod verify;
 
@@ -24,6 +25,8 @@ use verify::{Stable, Verified};
 ///   tandem plan amble --speed 0.5 --step-duration 0.35
 ///   tandem plan gait1 --clearance 0.08 --height 0.52
 ///   tandem plan amble --speed 0.4 --stable
+///   tandem plan amble --schedule crawl --step-duration 0.4 --speed 0.1 --clearance 0.08 -o crawl.json
+///   tandem plan amble --schedule trot --four-leg-share 0.25 --speed 0.3 --clearance 0.08
 ///   tandem plan all -o gaits
 ///   tandem plan --table
 #[derive(clap::Args)]
@@ -91,6 +94,8 @@ pub struct Arguments {
     /// step-to-step map: about a tenth of a second
     #[arg(long, conflicts_with = "table")]
     stable: bool,
+    #[command(flatten)]
+    schedule: schedule::ScheduleArguments,
     /// What the tracking law follows
     #[arg(long, value_enum, default_value_t = ReferenceArgument::Compensated)]
     reference: ReferenceArgument,
@@ -179,48 +184,66 @@ pub fn run(arguments: &Arguments) -> Result<ExitCode> {
 /// Plans one gait, writes it and reports it. Whether the model follows it.
 fn one(arguments: &Arguments, robot: &robot::Robot, name: &str, file: Option<&Path>) -> Result<bool> {
     let request = arguments.request(name, robot)?;
+    if let Some(contacts) = arguments.schedule.contacts()? {
+        schedule::one(arguments, robot, request, contacts, file)?;
+        return Ok(true);
+    }
     let mut plan = timed(robot, &request, arguments, arguments.verbose)?;
     let rest = transition::of_rest(robot, &plan.gait, arguments.from_rest, arguments.to_rest)?;
     transition::lead(&mut plan.gait, &rest)?;
     // What was left open is chosen.
     let request: GaitRequest = serde_json::from_value(plan.gait.request.clone()).context("the gait's request")?;
-    let solver = &plan.gait.solver;
     if let Some(file) = file {
         output::write_file(file, plan.gait.to_json().as_bytes())?;
     }
     let law = Reference::from(arguments.reference).step_law();
     let plot = arguments.plot.as_deref();
     let verified = if arguments.verify { Some(verify::verify(robot, &request, &plan, law, plot)?) } else { None };
+    let is_followed = verified.iter().flatten().all(Verified::is_good);
     let stable = if arguments.stability { Some(Stable::of(robot, &request, &plan)?) } else { None };
     if arguments.json {
-        let mut reported = serde_json::json!({
-            "gait": name, "iterations": solver.iterations, "solve_time_s": solver.solve_time_s, "cost": solver.objective,
-            "violation": solver.max_violation, "step_duration_s": plan.gait.step_duration_s, "file": file,
-            "points": plan.points.len(), "half_width_m": request.half_width_m, "certificate": plan.gait.certificate,
-            "verified": verified.as_ref().map(|steps| steps.iter().map(Verified::json).collect::<Vec<_>>()),
-            "stability": stable.as_ref().map(Stable::json),
-        });
+        let mut reported = reported(&plan.gait, &request, plan.points.len(), file);
+        let verified = verified.as_ref().map(|steps| steps.iter().map(Verified::json).collect::<Vec<_>>());
+        reported["verified"] = verified.into();
+        reported["stability"] = stable.as_ref().map(Stable::json).into();
         if !rest.is_empty() {
             reported["transitions"] = rest.iter().map(FromOrToRest::json).collect();
         }
         output::json(&reported)?;
     } else {
-        say!(
-            "{name:8} {:>10} {:>8.3} {:>12.6} {:>12.1e} {:>9.4} {:>7} {:>11}  {}",
-            solver.iterations,
-            solver.solve_time_s,
-            solver.objective,
-            solver.max_violation,
-            plan.gait.step_duration_s,
-            plan.points.len(),
-            multiplier(&plan.gait),
-            file.map_or_else(|| "not written: give -o FILE".into(), output::shown)
-        )?;
+        say_row(&plan.gait, plan.points.len(), file)?;
         let lines = verified.iter().flatten().map(Verified::text).chain(stable.iter().map(Stable::text));
         let lines = lines.chain(rest.iter().map(FromOrToRest::text));
         output::part(format_args!("{}", lines.collect::<String>()))?;
     }
-    Ok(verified.iter().flatten().all(Verified::is_good))
+    Ok(is_followed)
+}
+
+/// What is reported of every plan, for a program.
+fn reported(gait: &gait::Gait, request: &GaitRequest, points: usize, file: Option<&Path>) -> serde_json::Value {
+    let solver = &gait.solver;
+    serde_json::json!({
+        "gait": gait.name, "iterations": solver.iterations, "solve_time_s": solver.solve_time_s,
+        "cost": solver.objective, "violation": solver.max_violation, "step_duration_s": gait.step_duration_s,
+        "file": file, "points": points, "half_width_m": request.half_width_m, "certificate": gait.certificate,
+    })
+}
+
+/// The same for a person.
+fn say_row(gait: &gait::Gait, points: usize, file: Option<&Path>) -> Result<()> {
+    let solver = &gait.solver;
+    say!(
+        "{:8} {:>10} {:>8.3} {:>12.6} {:>12.1e} {:>9.4} {points:>7} {:>11}  {}",
+        gait.name,
+        solver.iterations,
+        solver.solve_time_s,
+        solver.objective,
+        solver.max_violation,
+        gait.step_duration_s,
+        multiplier(gait),
+        file.map_or_else(|| "not written: give -o FILE".into(), output::shown)
+    )?;
+    Ok(())
 }
 
 /// The largest multiplier, marked where the gait is not called stable although its map contracts.
@@ -330,26 +353,30 @@ impl Arguments {
     }
 }
 
+/// Shows an iteration of the solver, and prints it where that is asked for.
+fn say_iteration(progress: &Progress, i: &nlp::Iteration, verbose: bool) -> Result<(), output::Unwritable> {
+    progress.say(format!("iteration {}, violation {:.1e}", i.number, i.max_violation));
+    if !verbose {
+        return Ok(());
+    }
+    say!(
+        "  iteration {:3}  objective {:.6e}  violation {:.1e}  to gain {:.1e}  step {:.3}{}",
+        i.number,
+        i.objective,
+        i.max_violation,
+        i.predicted_decrease,
+        i.step_length,
+        if i.elastic { "  (constraints relaxed)" } else { "" }
+    )
+}
+
 /// Plans and states the wall time.
 fn timed(robot: &robot::Robot, request: &GaitRequest, arguments: &Arguments, verbose: bool) -> Result<Plan> {
     let start = Instant::now();
     let progress = Progress::begin(&format!("planning {}", request.behaviour));
     let mut unwritable = None;
     let mut report = |i: &nlp::Iteration| {
-        progress.say(format!("iteration {}, violation {:.1e}", i.number, i.max_violation));
-        if !verbose {
-            return ControlFlow::Continue(());
-        }
-        let written = say!(
-            "  iteration {:3}  objective {:.6e}  violation {:.1e}  to gain {:.1e}  step {:.3}{}",
-            i.number,
-            i.objective,
-            i.max_violation,
-            i.predicted_decrease,
-            i.step_length,
-            if i.elastic { "  (constraints relaxed)" } else { "" }
-        );
-        unwritable = written.err();
+        unwritable = say_iteration(&progress, i, verbose).err();
         if unwritable.is_none() { ControlFlow::Continue(()) } else { ControlFlow::Break(()) }
     };
     let mut options = PlanOptions { reference: arguments.reference.into(), ..PlanOptions::default() };

@@ -73,6 +73,16 @@ fn is_called_stable(place: &Place, line: &str) {
     assert!(gait["certificate"]["stable"] == true && gait["half_width_m"] != 0.341, "{gait}");
 }
 
+/// The gait file is walked, drawn, recorded, replayed and reported.
+fn crawls(place: &Place, line: &str) {
+    place.succeeds(line);
+    let walked = place.succeeds("tandem simulate crawl.json --start stand --seconds 5 --bag crawl --out out/crawl");
+    assert!(walked.contains("amble_crawl on ") && walked.contains("upright to the end"), "{walked}");
+    assert!(place.path().join("out/crawl/footfalls.png").exists());
+    assert!(place.succeeds("tandem bag verify crawl").contains("every command the same, to the bit"));
+    place.succeeds("tandem report crawl -o crawl.html --no-tiles");
+}
+
 /// Tries one; what is needed for it is there. False if nobody knows what it must do.
 fn does_what_it_says(place: &Place, line: &str) -> bool {
     let there = |file: &str| place.path().join(file).exists();
@@ -89,6 +99,13 @@ fn does_what_it_says(place: &Place, line: &str) -> bool {
             assert!(place.succeeds(line).contains("not written: give -o FILE"));
         }
         "tandem plan amble --speed 0.4 --stable" => is_called_stable(place, line),
+        "tandem plan amble --schedule crawl --step-duration 0.4 --speed 0.1 --clearance 0.08 -o crawl.json" => {
+            crawls(place, line);
+        }
+        "tandem plan amble --schedule trot --four-leg-share 0.25 --speed 0.3 --clearance 0.08" => {
+            let planned = json_lines(&place.succeeds(&format!("{line} --json"))).remove(0);
+            assert_eq!(planned["contact_schedule"]["trot"]["four_leg_share"], 0.25);
+        }
         "tandem plan all -o gaits" => {
             place.succeeds(line);
             assert_eq!(std::fs::read_dir(place.path().join("gaits")).unwrap().count(), 5);

@@ -9,10 +9,11 @@ use std::process::Stdio;
 use std::time::{Duration, Instant};
 
 /// A line for each command; the code with a closed pipe, and with a full disk.
-const LINES: [(&str, i32, i32); 28] = [
+const LINES: [(&str, i32, i32); 29] = [
     ("tandem plan amble", 141, 1),
     ("tandem plan --table", 141, 1),
     ("tandem plan amble --verbose --verify --stability", 141, 1),
+    ("tandem plan amble --verbose --schedule crawl", 141, 1),
     ("tandem library solve amble --axis speed_m_s=0.3:0.35:2 -o vision60.gaits", 141, 1),
     ("tandem library show vision60.gaits", 141, 1),
     ("tandem library gait vision60.gaits", 141, 1),

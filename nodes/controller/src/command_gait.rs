@@ -111,7 +111,7 @@ struct State {
     mode: Option<Mode>,
     heard: Option<Held>,
     watch: Watch,
-    /// What somebody else loaded last.
+    /// What somebody else loaded last, where the planner plans others like it.
     base: Option<Gait>,
     /// What was handed over last, and its speed, m/s.
     walked: Option<(PreparedGait, f64)>,
@@ -206,7 +206,8 @@ impl CommandGaits {
             return Err(refusal.into());
         }
         if own.is_none() {
-            state.base = Some(gait.clone());
+            // The planner's service plans the trot alone.
+            state.base = gait.cycle.is_empty().then(|| gait.clone());
             state.awaited.iter_mut().for_each(|awaited| awaited.is_wanted = false);
         }
         let speed_m_s = gait.speed_m_s();
@@ -215,6 +216,11 @@ impl CommandGaits {
         (state.walked, state.is_planned) = (Some((*prepared, speed_m_s)), own.is_some());
         state.status = match own {
             Some(_) => format!("walks a gait planned for {speed_m_s:.2} m/s"),
+            None if prepared.has_cycle() => {
+                format!(
+                    "walks the gait that was loaded, planned for {speed_m_s:.2} m/s; none is planned for commands of its contact schedule"
+                )
+            }
             None => format!("walks the gait that was loaded, planned for {speed_m_s:.2} m/s"),
         };
         Ok(())

@@ -173,3 +173,21 @@ fn a_gait_that_begins_far_from_where_the_walked_one_ends_is_not_handed_over() {
     // From anybody else it is taken all the same: that is what the controller stops for.
     walk.gaits.take(&far, &prepared).unwrap();
 }
+
+/// The planner's service plans the trot alone.
+#[test]
+fn a_gait_of_another_contact_schedule_asks_for_no_trot() {
+    let walk = Walk::new();
+    let crawl = Gait { cycle: walk.gait.schedule(), ..walk.gait.clone() };
+    walk.gaits.take(&crawl, &PreparedGait::new(&crawl, &walk.config).unwrap()).unwrap();
+    assert_eq!(walk.speeds(20.0, |_| Some(0.8)), []);
+    assert!(walk.gaits.status().contains("none is planned for commands"), "{}", walk.gaits.status());
+    // A trot that somebody loads is planned for again.
+    walk.gaits.take(&walk.gait, &walk.prepared).unwrap();
+    let asked = (210..=260).filter_map(|tenth| {
+        walk.at(0.1 * f64::from(tenth), Mode::Walking);
+        walk.gaits.hear(0.8);
+        walk.gaits.next()
+    });
+    assert_eq!(asked.count(), 1);
+}

@@ -7,13 +7,13 @@ use super::schedule::Schedule;
 use super::{FullOrderProgram, start};
 use crate::contact_schedule::ContactSchedule;
 use crate::limits::{Limits, ProgramSettings};
-use crate::recompose::{self, PlanPoint, initial_state};
+use crate::recompose::{self, PlanPoint};
 use crate::request::{GaitRequest, RequestError, check_points};
 use crate::verification::{DomainPlan, between_points_of_domain};
 use crate::{
     PlanError, PlanOptions, Reference, SubproblemSolver, hip_x_m, leg_length_m, not_converged, on_slope, summary,
 };
-use gait::{Coefficients, Domain, InitialState, JOINTS, LEGS, SolverSummary};
+use gait::{Coefficients, Domain, Gait, JOINTS, LEGS};
 use nlp::{Iteration, Ordered, Solution, SqpSolver, Workspace};
 use robot::{Mirror, Robot};
 use std::ops::ControlFlow;
@@ -47,15 +47,12 @@ impl Default for ScheduleOptions {
 /// A gait of a contact schedule.
 #[derive(Clone, Debug)]
 pub struct SchedulePlan {
-    /// A stride's domains, in order; the last leads to the first.
-    pub domains: Vec<Domain>,
+    /// The gait, whose cycle is a stride; its request names the schedule too. `solve_time_s` is 0: this crate reads no
+    /// clock, the caller does.
+    pub gait: Gait,
     /// The robot at the program's points of each domain that was planned: of the first half of a stride whose second
     /// half is its mirror image, or of all.
     pub points: Vec<Vec<PlanPoint>>,
-    /// Where the first domain begins.
-    pub initial: InitialState,
-    /// What the solver reports. `solve_time_s` is 0: this crate reads no clock, the caller does.
-    pub solver: SolverSummary,
     /// The solver's log.
     pub log: Vec<Iteration>,
 }
@@ -82,7 +79,7 @@ pub fn plan_schedule(
     if !solution.status.is_solution() {
         return Err(not_converged(solution));
     }
-    let plan = plan_of(&program, &solution);
+    let plan = plan_of(&program, &solution, robot, request, contacts)?;
     check_between(&program, request, &plan)?;
     Ok(plan)
 }
@@ -140,7 +137,13 @@ fn solve(
     }
 }
 
-fn plan_of(program: &FullOrderProgram, solution: &Solution) -> SchedulePlan {
+fn plan_of(
+    program: &FullOrderProgram,
+    solution: &Solution,
+    robot: &Robot,
+    request: &GaitRequest,
+    contacts: &ContactSchedule,
+) -> Result<SchedulePlan, PlanError> {
     let (schedule, x, mirror) = (&program.schedule, &solution.x, &program.robot.mirror);
     let t = x[schedule.t()];
     let points: Vec<_> = (0..schedule.domains.len()).map(|domain| program.plan_points(x, domain)).collect();
@@ -150,13 +153,13 @@ fn plan_of(program: &FullOrderProgram, solution: &Solution) -> SchedulePlan {
         planned_rad: recompose::fitted_joints(&points[domain]),
         reference_rad: std::array::from_fn(|j| std::array::from_fn(|k| x[schedule.alpha(domain, k, j)])),
     };
-    let mut domains: Vec<Domain> = schedule.domains.iter().enumerate().map(domain).collect();
+    let mut cycle: Vec<Domain> = schedule.domains.iter().enumerate().map(domain).collect();
     if schedule.closure == super::schedule::Closure::Mirrored {
-        let images: Vec<Domain> = domains.iter().map(|domain| mirrored(mirror, domain)).collect();
-        domains.extend(images);
+        let images: Vec<Domain> = cycle.iter().map(|domain| mirrored(mirror, domain)).collect();
+        cycle.extend(images);
     }
-    let initial = initial_state(&program.robot, &points[0][0]);
-    SchedulePlan { domains, points, initial, solver: summary(solution), log: solution.log.clone() }
+    let gait = recompose::gait_of_cycle(robot, t, request, contacts, &points[0][0], summary(solution), cycle)?;
+    Ok(SchedulePlan { gait, points, log: solution.log.clone() })
 }
 
 /// A domain's mirror image.
@@ -176,7 +179,7 @@ fn mirrored(mirror: &Mirror, domain: &Domain) -> Domain {
 fn check_between(program: &FullOrderProgram, request: &GaitRequest, plan: &SchedulePlan) -> Result<(), PlanError> {
     let schedule = &program.schedule;
     plan.points.iter().enumerate().try_for_each(|(index, points)| {
-        let (domain, first) = (&plan.domains[index], schedule.places_of(index)[0]);
+        let (domain, first) = (&plan.gait.cycle[index], schedule.places_of(index)[0]);
         let planned = DomainPlan { domain, before: first.time, share: first.share, points, joints_prescribed: false };
         between_points_of_domain(&program.robot, request, planned).check(points.len())
     })

@@ -224,7 +224,7 @@ pub fn plan_transition(
     let mut gait = gait_of(robot, &program, &solution, &points, transition);
     check_between(robot, request, &mut gait, &program.schedule, &points)?;
     let worst = missed.into_iter().max_by(|a, b| a.share().total_cmp(&b.share())).expect("an end has rows");
-    Ok(Transition { steps: gait.schedule(), points, missed: worst, solver: summary(&solution), log: solution.log })
+    Ok(Transition { steps: gait.steps(), points, missed: worst, solver: summary(&solution), log: solution.log })
 }
 
 fn program(

@@ -272,7 +272,7 @@ fn between_points_by(
     samples: usize,
 ) -> BetweenPoints {
     let (side, ..) = step_of(points);
-    let domain = &gait.schedule()[side as usize];
+    let domain = &gait.steps()[side as usize];
     let before = if side == StepSide::First { 0.0 } else { 1.0 };
     between_by(robot, request, DomainPlan { domain, before, share: 1.0, points, joints_prescribed: true }, samples)
 }

@@ -2,7 +2,7 @@
 
 use super::Received;
 use anyhow::{Context, Result};
-use gait::{JOINTS, LEGS, StepSide};
+use gait::{JOINTS, LEGS};
 use rigid_body::{Data, FrameId, forward_kinematics, frame_position, frame_rotation};
 use robot::Robot;
 use tandem_msgs::builtin_interfaces::Time;
@@ -126,9 +126,9 @@ impl Shapes {
         let walking = received.state.as_ref().filter(|state| state.mode == "walking");
         let mut paths: [Vec<[f64; 3]>; LEGS] = Default::default();
         if let (Some(state), Some(gait)) = (walking, &received.gait) {
-            let side = StepSide::of_step(state.step_index);
+            let domain = gait.domain_of_step(state.step_index);
             for n in 0..PATH_POINTS {
-                let (joints, _) = gait.planned(side, n as f64 / (PATH_POINTS - 1) as f64);
+                let (joints, _) = domain.planned(n as f64 / (PATH_POINTS - 1) as f64);
                 self.place(&joints);
                 for leg in 0..LEGS {
                     paths[leg].push(self.toe(leg));

@@ -7,22 +7,22 @@
 mod drive;
 mod ground;
 mod reference;
+mod stance;
 mod walk;
 
 pub use crate::balance_config::{BalanceConfig, VelocityLimit};
 pub use drive::{Velocity, VelocityCommand};
-pub(crate) use reference::swings;
 pub(crate) use walk::{Balanced, Trouble};
 
 use crate::prepared_gait::Instant;
-use crate::step::Step;
+use crate::step::{LEAD_STEPS, Step};
 use crate::{JOINTS, PreparedGait, of_leg};
 use drive::{Drive, wrapped};
 use estimator::Estimator;
-use gait::StepSide;
 use ground::Ground;
 use nalgebra::{Vector2, Vector3};
-use reference::{Planned, Shape, smooth, standing};
+use reference::{Planned, Shape, smooth};
+use stance::{Stance, Turns};
 
 /// The reference's rate is its change over this phase.
 const STEP: f64 = 1e-3;
@@ -133,23 +133,26 @@ impl Balance {
         let (config, gait) = (cycle.config, cycle.gait);
         let toe =
             |step: Step, s: f64, leg: usize| config.legs[leg].toe_m(&of_leg(&gait.at_step(step, s).position_rad, leg));
-        let leads = self.present_step().is_lead();
-        let steps = [0, 1].map(|index| Step::of_walk(index, leads));
-        self.height_m = (0..4).map(|leg| config.legs[leg].hip_m().z - toe(steps[0], 0.0, leg).z).sum::<f64>() / 4.0;
-        // Stance toes go back as the body goes ahead, and turn the other way; two steps undo each other's sway.
-        let (mut moved, mut turned_rad) = (Vector3::zeros(), 0.0);
-        for step in steps {
-            let [begins, ends] = [0.0, 1.0].map(|s| standing(step.side()).map(|leg| toe(step, s, leg)));
-            moved += ends[0] + ends[1] - begins[0] - begins[1];
-            let [begun_rad, ended_rad] = [begins, ends].map(|[one, other]| (one - other).y.atan2((one - other).x));
+        let present = self.present_step(gait);
+        let (step, count): (fn(usize) -> Step, _) =
+            if present.is_lead() { (Step::Lead, LEAD_STEPS) } else { (Step::Cycle, gait.stride_steps()) };
+        self.height_m = (0..4).map(|leg| config.legs[leg].hip_m().z - toe(step(0), 0.0, leg).z).sum::<f64>() / 4.0;
+        // Stance toes go back as the body goes ahead, and turn the other way; a stride's steps undo their sway.
+        let (mut moved, mut turned_rad, mut stride_s) = (Vector3::zeros(), 0.0, 0.0);
+        for step in (0..count).map(step) {
+            let stance = Stance::of(gait, step);
+            let [begins, ends] = [0.0, 1.0].map(|s| std::array::from_fn(|leg| toe(step, s, leg)));
+            let back = stance.legs().fold(stance.sum(&ends), |sum, leg| sum - begins[leg]);
+            moved += back / stance.count() as f64;
+            let [begun_rad, ended_rad] =
+                [begins, ends].map(|toes| -stance.line(&toes)).map(|line| line.y.atan2(line.x));
             turned_rad -= wrapped(ended_rad - begun_rad);
+            stride_s += gait.duration_s(step);
         }
-        let mean_s = 0.5 * (gait.duration_s(steps[0]) + gait.duration_s(steps[1]));
-        self.own_velocity = (-moved.xy() / (4.0 * mean_s)).into();
-        self.own_yaw_rad_s = turned_rad / (2.0 * mean_s);
-        let [a, b] = steps.map(|step| gait.at_step(step, 0.0).position_rad);
-        self.middle_rad = std::array::from_fn(|j| 0.5 * (a[j] + b[j]));
-        self.rate_s = 1.0 / gait.duration_s(self.present_step());
+        self.own_velocity = (-moved.xy() / stride_s).into();
+        self.own_yaw_rad_s = turned_rad / stride_s;
+        self.middle_rad = gait.middle_rad(present.is_lead());
+        self.rate_s = 1.0 / gait.duration_s(present);
         self.fastest_s = f64::MAX;
     }
 
@@ -163,13 +166,9 @@ impl Balance {
         self.phase
     }
 
-    /// The side of the step that is walked.
-    pub fn side(&self) -> StepSide {
-        StepSide::of_step(self.steps)
-    }
-
-    fn present_step(&self) -> Step {
-        Step::of_walk(self.steps, self.leads)
+    /// The step of `gait` that is walked.
+    pub fn present_step(&self, gait: &PreparedGait) -> Step {
+        Step::of_walk(self.steps, self.leads, gait.stride_steps())
     }
 
     /// The gait's own velocity, m/s: what is walked where nothing else is asked for.
@@ -179,8 +178,8 @@ impl Balance {
     }
 
     /// Which legs are planned to swing.
-    pub fn swings(&self) -> [bool; 4] {
-        swings(self.side())
+    pub fn swings(&self, gait: &PreparedGait) -> [bool; 4] {
+        Stance::of(gait, self.present_step(gait)).swings()
     }
 
     /// What the last cycle did.
@@ -221,9 +220,9 @@ impl Balance {
 
     /// So many steps have ended: the last of them may have been the lead's.
     fn count(&mut self, cycle: &Cycle, steps: u64) {
-        let led = self.present_step().is_lead();
+        let led = self.present_step(cycle.gait).is_lead();
         self.steps = steps;
-        if led && !self.present_step().is_lead() {
+        if led && !self.present_step(cycle.gait).is_lead() {
             self.adopt(cycle);
         }
     }
@@ -246,8 +245,9 @@ impl Balance {
     /// The present step has ended, at these joints.
     fn switch(&mut self, cycle: &Cycle, ended_rad: [f64; JOINTS]) {
         self.ended_rad = Some(ended_rad);
+        let swings = self.swings(cycle.gait);
         for leg in 0..4 {
-            if self.swings()[leg] {
+            if swings[leg] {
                 self.offsets_m[leg] = self.report.placement_m;
             }
         }
@@ -275,7 +275,8 @@ impl Balance {
         });
         // It is in the reference as kp⁻¹ times itself, and so its rate is in the law, as the plan's own torque has it.
         let (carried, carried_after) = (shape.carried_nm(&now, &at), shape.carried_nm(&next, &after));
-        let (kp, kd) = (cycle.gait.kp(self.present_step()), cycle.gait.kd(self.present_step()));
+        let step = self.present_step(cycle.gait);
+        let (kp, kd) = (cycle.gait.kp(step), cycle.gait.kd(step));
         let lead: [f64; JOINTS] = std::array::from_fn(|j| kd[j] / kp[j] * self.rate_s / STEP);
         self.fastest_s = (0..JOINTS).fold(f64::MAX, |least, j| {
             least.min(VELOCITY_SHARE * cycle.velocity_limit_rad_s[j] / change[j].abs().max(1e-9))
@@ -292,10 +293,13 @@ impl Balance {
     }
 
     fn shape<'a>(&self, cycle: &Cycle<'a>) -> Shape<'a> {
+        let step = self.present_step(cycle.gait);
         Shape {
             config: cycle.config,
             gait: cycle.gait,
-            step: self.present_step(),
+            step,
+            stance: Stance::of(cycle.gait, step),
+            turns: Turns::of(cycle.gait, step),
             driven: self.drive.driven(cycle.config),
             own_velocity: Vector2::from(self.own_velocity) * cycle.share,
             own_yaw_rad_s: self.own_yaw_rad_s * cycle.share,
@@ -311,23 +315,20 @@ impl Balance {
     /// across.
     fn error(&self, cycle: &Cycle, shape: &Shape, now: &Planned, next: &Planned) -> Error {
         let lambda = self.lambda_s(cycle);
-        let pair = standing(self.side());
-        let measured =
-            pair.map(|leg| shape.frames.heading * cycle.config.legs[leg].toe_m(&of_leg(cycle.position_rad, leg)));
-        let mean = |toes: [Vector3<f64>; 2]| -0.5 * (toes[0] + toes[1]).xy();
-        let center = mean(measured);
-        let planned = mean(pair.map(|leg| now.toes_m[leg]));
-        let rate =
-            (mean(pair.map(|leg| next.toes_m[leg])) - planned) / (STEP * cycle.gait.duration_s(self.present_step()));
+        let stance = shape.stance;
+        let measured = toes_m(cycle).map(|toe| shape.frames.heading * toe);
+        let mean = |toes: &[Vector3<f64>; 4]| (-stance.sum(toes) / stance.count() as f64).xy();
+        let center = mean(&measured);
+        let planned = mean(&now.toes_m);
+        let rate = (mean(&next.toes_m) - planned) / (STEP * cycle.gait.duration_s(shape.step));
         let turning = shape.driven.yaw_rad_s;
         let planned_velocity = rate + turning * Vector2::new(-planned.y, planned.x);
         let rotation = cycle.estimate.rotation();
         let in_heading = shape.frames.heading * (rotation.transpose() * Vector3::from(cycle.estimate.velocity_m_s()));
         let whole = center - planned + (in_heading.xy() - planned_velocity) / lambda;
-        let along = (measured[1] - measured[0]).xy();
         // Toes on one point have no line between them.
-        let along = along.try_normalize(1e-6).unwrap_or_else(Vector2::x);
-        Error { whole, along, across: Vector2::new(-along.y, along.x) }
+        let along = stance.line(&measured).xy().try_normalize(1e-6).unwrap_or_else(Vector2::x);
+        Error { whole, falls: stance.count() == 2, along, across: Vector2::new(-along.y, along.x) }
     }
 
     /// λ = √(g/z0): how fast a body over its toes falls away from them.
@@ -339,7 +340,7 @@ impl Balance {
     fn place(&mut self, cycle: &Cycle, error: &Error) -> Vector2<f64> {
         let config = cycle.config;
         let lambda = self.lambda_s(cycle);
-        let period_s = cycle.gait.duration_s(self.present_step());
+        let period_s = cycle.gait.duration_s(self.present_step(cycle.gait));
         let (across, along) = (error.whole.dot(&error.across), error.whole.dot(&error.along));
         let left = 1.0 - self.phase;
         let own_s = 1.0 / period_s;
@@ -348,14 +349,15 @@ impl Balance {
         let rest_s = caught_s.max(shortest_s);
         self.rate_s = own_s;
         let mut hurry_limited = false;
-        if rest_s < left * period_s {
+        if error.falls && rest_s < left * period_s {
             let wanted = left / rest_s;
             let most = (config.hurry_limit * own_s).min(self.fastest_s.max(own_s));
             self.rate_s = wanted.min(most);
             hurry_limited = caught_s < shortest_s || wanted > most;
         }
         let grown = (lambda * left / self.rate_s).exp();
-        let mut placement = config.placement_gain * (across * grown * error.across + along * error.along);
+        let gain = if error.falls { config.placement_gain } else { 0.0 };
+        let mut placement = gain * (across * grown * error.across + along * error.along);
         let limit = config.placement_limit_share * self.height_m;
         let length = placement.norm();
         let placement_limited = length > limit;
@@ -376,6 +378,8 @@ impl Balance {
 
 struct Error {
     whole: Vector2<f64>,
+    /// Whether the body falls away from its stance line: not over three legs and four.
+    falls: bool,
     /// Unit vectors along the measured stance line and across it.
     along: Vector2<f64>,
     across: Vector2<f64>,

@@ -3,9 +3,9 @@
 use super::BalanceConfig;
 use super::drive::Driven;
 use super::ground::{Frames, Ground, up_on};
+use super::stance::{Stance, Turns};
 use crate::step::Step;
 use crate::{JOINTS, PreparedGait, of_leg};
-use gait::StepSide;
 use nalgebra::{Vector2, Vector3};
 
 /// The swing's placement is reached at this phase, and an offset of the landing before is left by then.
@@ -17,17 +17,6 @@ const LEVELLED: f64 = 0.6;
 pub(super) fn smooth(x: f64) -> f64 {
     let x = x.clamp(0.0, 1.0);
     x * x * x * (10.0 + x * (6.0 * x - 15.0))
-}
-
-/// Which legs swing in a step of this side.
-pub(crate) fn swings(side: StepSide) -> [bool; 4] {
-    side.stands().map(|stands| !stands)
-}
-
-/// The two legs that stand in a step of this side, by number.
-pub(super) fn standing(side: StepSide) -> [usize; 2] {
-    let mut legs = (0..4).filter(|&leg| !swings(side)[leg]);
-    std::array::from_fn(|_| legs.next().unwrap_or_default())
 }
 
 /// The plan at one phase, driven: joints B, toes p̄ from the body, and the compensating torque.
@@ -51,6 +40,8 @@ pub(super) struct Shape<'a> {
     pub config: &'a BalanceConfig,
     pub gait: &'a PreparedGait,
     pub step: Step,
+    pub stance: Stance,
+    pub turns: Turns,
     pub driven: Driven,
     /// The gait's own velocity, m/s.
     pub own_velocity: Vector2<f64>,
@@ -73,15 +64,12 @@ impl Shape<'_> {
         } else {
             std::array::from_fn(|j| self.middle_rad[j] + self.share * (at.position_rad[j] - self.middle_rad[j]))
         };
-        let swings = swings(self.step.side());
         let period_s = self.gait.duration_s(self.step);
         let beyond = self.driven.velocity - self.own_velocity;
         let turning_beyond = self.driven.yaw_rad_s - self.own_yaw_rad_s;
         let toes_m = std::array::from_fn(|leg| {
             let toe = self.config.legs[leg].toe_m(&of_leg(&joints_rad, leg));
-            // Same value and slope at both ends.
-            let progress = if swings[leg] { 0.5 + s * (1.0 + s * (4.0 * s - 6.0)) } else { s - 0.5 };
-            let t = period_s * progress;
+            let t = period_s * self.turns.progress(leg, s);
             let (sine, cosine) = (turning_beyond * t).sin_cos();
             let (x, y) = (toe.x - beyond.x * t, toe.y - beyond.y * t);
             Vector3::new(cosine * x + sine * y, cosine * y - sine * x, toe.z)
@@ -91,7 +79,7 @@ impl Shape<'_> {
 
     /// Joints for the toes, offset, placed by `placement` where they swing, shifted on a slope, and levelled.
     pub fn placed(&self, s: f64, planned: &Planned, placement: Vector2<f64>) -> Placed {
-        let swings = swings(self.step.side());
+        let swings = self.stance.swings();
         let (reached, level) = (smooth(s / PLACED), smooth(s / LEVELLED));
         let shifts = self.shifts(swings);
         let mut placed = Placed { joints_rad: [0.0; JOINTS], limited: false };
@@ -134,11 +122,10 @@ impl Shape<'_> {
     /// What the stance legs must carry otherwise than planned: the same weight in another posture, and along real
     /// gravity in place of that of the ground that the gait is planned for.
     pub fn carried_nm(&self, planned: &Planned, placed: &Placed) -> [f64; JOINTS] {
-        let swings = swings(self.step.side());
-        let half_n = 0.5 * self.config.mass_kg * self.config.estimator.gravity_m_s2;
-        let (up, planned_up) = (self.frames.up * half_n, up_on(self.gait.rise()) * half_n);
+        let each_n = self.config.mass_kg * self.config.estimator.gravity_m_s2 / self.stance.count() as f64;
+        let (up, planned_up) = (self.frames.up * each_n, up_on(self.gait.rise()) * each_n);
         let mut torque = [0.0; JOINTS];
-        for leg in (0..4).filter(|&leg| !swings[leg]) {
+        for leg in self.stance.legs() {
             let now = self.config.legs[leg].toe(&of_leg(&placed.joints_rad, leg)).jacobian;
             let plan = self.config.legs[leg].toe(&of_leg(&planned.joints_rad, leg)).jacobian;
             let difference = plan.tr_mul(&planned_up) - now.tr_mul(&up);

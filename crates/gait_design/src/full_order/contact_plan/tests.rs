@@ -52,7 +52,7 @@ fn both_eliminations_find_the_same_gait_of_any_stance_legs() {
         let [a, b] = [&along, &sparse].map(|options| {
             let solution = solve(&mut program, &start, options, go_on).unwrap();
             assert!(solution.status.is_solution(), "{contacts:?}: {}", solution.status);
-            (solution.objective, plan_of(&program, &solution))
+            (solution.objective, plan_of(&program, &solution, &robot, &request, &contacts).unwrap())
         });
         assert!((a.0 / b.0 - 1.0).abs() < 1e-6, "{contacts:?}: {} and {}", a.0, b.0);
         for (a, b) in a.1.points.iter().flatten().zip(b.1.points.iter().flatten()) {
@@ -78,7 +78,7 @@ fn toes_stay_where_they_landed_until_their_legs_swing() {
         let [first, second] = [0, 1].map(|domain| &plan.points[domain]);
         let landed = toes_m(&robot, &first.last().unwrap().q);
         let later = toes_m(&robot, &second.last().unwrap().q);
-        for leg in (0..LEGS).filter(|&leg| plan.domains[1].stands[leg]) {
+        for leg in (0..LEGS).filter(|&leg| plan.gait.cycle[1].stands[leg]) {
             assert!(
                 (landed[leg] - later[leg]).norm() < 1e-3,
                 "{contacts:?}, leg {leg}: {} {}",
@@ -89,13 +89,13 @@ fn toes_stay_where_they_landed_until_their_legs_swing() {
         }
         // The second half is the mirror image of the first.
         let images = [2, 3, 0, 1];
-        let [half, whole] = [&plan.domains[..2], &plan.domains[2..]];
+        let [half, whole] = [&plan.gait.cycle[..2], &plan.gait.cycle[2..]];
         for (a, b) in half.iter().zip(whole) {
             assert!((0..LEGS).all(|leg| a.stands[leg] == b.stands[images[leg]]), "{:?} and {:?}", a.stands, b.stands);
         }
         // Over half a stride the ground carries the weight: what a force gives in between is a change of momentum.
         let mut impulse_n_s = 0.0;
-        for (points, domain) in plan.points.iter().zip(&plan.domains) {
+        for (points, domain) in plan.points.iter().zip(&plan.gait.cycle) {
             let h = 2.0 * domain.duration_s / (points.len() - 1) as f64;
             let force_n = |p: &PlanPoint| p.ground_force_n.iter().map(|force| force[2]).sum::<f64>();
             for three in points.windows(3).step_by(2) {
