@@ -28,9 +28,17 @@ pub(crate) struct GaitClock {
     pub offset: Option<Offset>,
     /// It began out of standing: the motion grows to the whole gait's ([`GaitClock::growth`]).
     pub grows: bool,
-    /// It began out of standing with the gait's lead.
+    /// It began with the gait's lead, out of standing or out of another gait.
     #[serde(default, skip_serializing_if = "std::ops::Not::not")]
     pub leads: bool,
+    /// Steps walked before that lead.
+    #[serde(default, skip_serializing_if = "is_none")]
+    pub before_lead: u64,
+}
+
+/// Whether a walk had no steps before its lead, as out of standing.
+pub(crate) fn is_none(steps: &u64) -> bool {
+    *steps == 0
 }
 
 /// A jump of the plan.
@@ -45,6 +53,11 @@ impl Offset {
     /// Where `new` takes over from `old` at the beginning of a step.
     pub fn between(old: &PreparedGait, new: &PreparedGait, step: Step) -> Self {
         Self::of(&old.at_step(step, 0.0), &new.at_step(step, 0.0))
+    }
+
+    /// Where the lead of `new` takes over from `old`, at the beginning of its stride.
+    pub fn into_lead(old: &PreparedGait, new: &PreparedGait) -> Self {
+        Self::of(&old.at_step(Step::Cycle(0), 0.0), &new.at_step(Step::Lead(0), 0.0))
     }
 
     fn of(a: &Instant, b: &Instant) -> Self {
@@ -65,7 +78,15 @@ impl Offset {
 /// Whether a walk of `old` goes over to `new` at any switch; else it stops, stands, and begins again with it.
 pub fn may_follow(old: &PreparedGait, new: &PreparedGait, config: &Config) -> bool {
     let is_small = |index| Offset::between(old, new, Step::Cycle(index)).is_small(config);
-    old.has_schedule_of(new) && (0..old.stride_steps()).all(is_small)
+    leads_out_of(old, new, config) || (old.has_schedule_of(new) && (0..old.stride_steps()).all(is_small))
+}
+
+/// Whether the lead of `new` begins where a stride of `old` does.
+pub(crate) fn leads_out_of(old: &PreparedGait, new: &PreparedGait, config: &Config) -> bool {
+    new.has_lead()
+        && !new.leads_out_of_standing()
+        && new.stands(Step::Lead(0)) == old.stands(Step::Cycle(0))
+        && Offset::into_lead(old, new).is_small(config)
 }
 
 /// How much of the gait's motion about its middle posture is walked, and the rate of that.
@@ -105,13 +126,24 @@ impl GaitClock {
     /// At the gait's first instant.
     pub fn new(start: Duration, gait: &PreparedGait, grows: bool) -> Self {
         let period_s = gait.duration_s(Step::Cycle(0));
-        Self { start, period_s, base_s: 0.0, gained_s: 0.0, base_index: 0, steps: 0, offset: None, grows, leads: false }
+        Self {
+            start,
+            period_s,
+            base_s: 0.0,
+            gained_s: 0.0,
+            base_index: 0,
+            steps: 0,
+            offset: None,
+            grows,
+            leads: false,
+            before_lead: 0,
+        }
     }
 
     /// At the first instant of the gait's lead, or where it has none, of the gait, grown from a share of it.
     pub fn out_of_standing(start: Duration, gait: &PreparedGait) -> Self {
-        let leads = gait.has_lead();
-        let period_s = gait.duration_s(Step::of_walk(0, leads, gait.stride_steps()));
+        let leads = gait.leads_out_of_standing();
+        let period_s = gait.duration_s(Step::number(0, leads, gait.stride_steps()));
         Self { period_s, leads, ..Self::new(start, gait, !leads) }
     }
 
@@ -121,12 +153,12 @@ impl GaitClock {
 
     /// The present step of `gait`, which is walked. Steps go on in turn over a change of gait.
     pub fn step(&self, gait: &PreparedGait) -> Step {
-        Step::of_walk(self.step_index(), self.leads, gait.stride_steps())
+        Step::number(self.step_index() - self.before_lead, self.leads, gait.stride_steps())
     }
 
     /// Whether the present step is one of the lead's.
     pub fn is_leading(&self) -> bool {
-        self.leads && self.step_index() < LEAD_STEPS as u64
+        self.leads && self.step_index() - self.before_lead < LEAD_STEPS as u64
     }
 
     /// Steps since walking began.
@@ -202,6 +234,12 @@ impl GaitClock {
     /// Whether another gait may be taken at the switch that was reached: not within a lead or what it left.
     pub fn may_change(&self, config: &Config, now: Duration) -> bool {
         self.growth(config, now).is_whole() && !self.is_leading() && self.offset.is_none()
+    }
+
+    /// At a switch: the lead of another gait from here on, whose plan lies `offset` from the old gait's.
+    pub fn change_by_lead(&mut self, new: &PreparedGait, offset: Offset) {
+        (self.leads, self.before_lead) = (true, self.step_index());
+        self.change(new, offset);
     }
 
     /// At a switch: another gait from here on, whose plan lies `offset` from the old one's.

@@ -1,7 +1,7 @@
 //! What is held or moved to: ramps from posture to posture, and the gait.
 
 use crate::body_pose::Body;
-use crate::gait_clock::{GaitClock, Growth, Offset};
+use crate::gait_clock::{GaitClock, Growth, Offset, leads_out_of};
 use crate::law::{Law, grown};
 use crate::lift::Lift;
 use crate::postures::{folded, posture, posture_duration_s};
@@ -242,8 +242,8 @@ impl Motion {
     pub fn start(&mut self, config: &Config, from: JointCommand, now: Duration) {
         self.adopt_pending();
         let Some(gait) = self.gait else { return };
-        let leads = gait.has_lead();
-        let step = Step::of_walk(0, leads, gait.stride_steps());
+        let leads = gait.leads_out_of_standing();
+        let step = Step::number(0, leads, gait.stride_steps());
         let growth = if leads { Growth::WHOLE } else { Growth { share: config.start_share, rate: 0.0 } };
         let first = grown(&gait, gait.at_step(step, 0.0), growth);
         let to = JointCommand {
@@ -370,7 +370,10 @@ impl Motion {
                 && clock.may_change(config, now)
             {
                 let old = *gait;
-                return self.change_gait(clock, &old, &new, config);
+                match self.change_gait(clock, &old, &new, config) {
+                    Progress::Nothing => {}
+                    changed => return changed,
+                }
             }
         }
         self.step_index = clock.step_index();
@@ -378,7 +381,8 @@ impl Motion {
         Progress::Nothing
     }
 
-    /// At a switch: takes the new gait if it starts near where the old one ends.
+    /// At a switch: takes the new gait by its lead, at the beginning of a stride, or where it starts near where the old
+    /// one ends.
     fn change_gait(
         &mut self,
         mut clock: GaitClock,
@@ -386,11 +390,18 @@ impl Motion {
         new: &PreparedGait,
         config: &Config,
     ) -> Progress {
-        let offset = Offset::between(old, new, clock.step(old));
-        if !old.has_schedule_of(new) || !offset.is_small(config) {
-            return Progress::GaitIsFar;
+        if leads_out_of(old, new, config) {
+            if clock.step(old) != Step::Cycle(0) {
+                return Progress::Nothing;
+            }
+            clock.change_by_lead(new, Offset::into_lead(old, new));
+        } else {
+            let offset = Offset::between(old, new, clock.step(old));
+            if !old.has_schedule_of(new) || !offset.is_small(config) {
+                return Progress::GaitIsFar;
+            }
+            clock.change(new, offset);
         }
-        clock.change(new, offset);
         self.adopt_pending();
         self.course = Course::Gait(clock);
         Progress::GoesOn

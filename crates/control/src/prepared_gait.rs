@@ -7,6 +7,10 @@ use crate::{Config, JOINTS, of_leg};
 use gait::{Coefficients, Gait, GaitError, LEGS, Mirror, StepSide, bezier};
 use nalgebra::Vector3;
 
+/// A lead whose joints all move slower than this where it begins is one out of standing; a walk's own are ten times as
+/// fast at its switches.
+const REST_RAD_S: f64 = 0.02;
+
 /// Phases at which a gait is checked before it is accepted.
 const CHECKED_PHASES: usize = 101;
 
@@ -289,9 +293,14 @@ impl PreparedGait {
         self.domain(step).map_or(self.step_duration_s, |domain| domain.duration_s)
     }
 
-    /// Whether a walk out of standing begins with a lead.
+    /// Whether two planned steps lead into it, out of standing or out of another gait.
     pub fn has_lead(&self) -> bool {
         self.lead.is_some()
+    }
+
+    /// Whether a walk out of standing begins with the lead: with one that begins at rest.
+    pub fn leads_out_of_standing(&self) -> bool {
+        self.has_lead() && self.at_step(Step::Lead(0), 0.0).velocity_rad_s.iter().all(|rate| rate.abs() < REST_RAD_S)
     }
 
     /// What is walked in a step that is none of the trot's two.

@@ -14,9 +14,9 @@ pub enum Step {
 }
 
 impl Step {
-    /// Step number `index` of a walk, counted from 0, that began with a lead or without, over strides of
+    /// Step number `index`, counted from 0, of what is walked with its gait's lead or without, over strides of
     /// `stride_steps` steps, at least one.
-    pub fn of_walk(index: u64, leads: bool, stride_steps: usize) -> Self {
+    pub fn number(index: u64, leads: bool, stride_steps: usize) -> Self {
         let lead_steps = if leads { LEAD_STEPS as u64 } else { 0 };
         match index.checked_sub(lead_steps) {
             Some(walked) => Self::Cycle((walked % stride_steps as u64) as usize),

@@ -173,3 +173,109 @@ fn a_lead_that_is_no_two_steps_of_a_trot_or_breaks_a_limit_is_refused() {
         assert!(e.contains(expected), "expected {expected:?} in {e:?}");
     }
 }
+
+/// The amble of the tests' file, which moves at its switches.
+fn amble() -> Gait {
+    Gait::from_json(include_str!("../../../tests/gaits/amble.json")).unwrap()
+}
+
+/// A gait that steps in place with its feet elsewhere, and two steps to it from where the amble's first begins.
+fn with_lead_from_the_amble() -> Gait {
+    const STEP_S: f64 = 0.3;
+    let mut gait = gait_at("stepping", [0.05, 0.94, 1.9], 0.404);
+    let ((begins_rad, rates_rad_s), (ends_rad, _)) =
+        (amble().planned(StepSide::First, 0.0), gait.planned(StepSide::First, 0.0));
+    let step = |side: StepSide, rows: [gait::Coefficients; JOINTS]| Domain {
+        stands: side.stands(),
+        duration_s: STEP_S,
+        planned_rad: rows,
+        reference_rad: rows,
+    };
+    let onto_the_feet = std::array::from_fn(|j| {
+        let [begin, end] = [begins_rad[j], ends_rad[j]];
+        [begin, begin + rates_rad_s[j] * STEP_S / 5.0, end, end, end, end]
+    });
+    let in_place = std::array::from_fn(|j| [ends_rad[j]; 6]);
+    gait.lead = vec![step(StepSide::First, onto_the_feet), step(StepSide::Mirrored, in_place)];
+    gait.validate().unwrap();
+    gait
+}
+
+/// Walking the amble, grown up, in step `step`.
+fn ambling(step: u64) -> Bench {
+    let mut bench = Bench::new(config());
+    bench.load(&PreparedGait::new(&amble(), &config()).unwrap());
+    for request in [Request::Arm, Request::Stand, Request::Walk] {
+        bench.ask(request).unwrap();
+    }
+    bench.until(Mode::Walking, 6.0);
+    bench.until_step(step);
+    bench
+}
+
+#[test]
+fn a_far_gait_is_gone_over_to_by_its_lead_without_a_stop_or_a_jump() {
+    let [amble, far] = [amble(), with_lead_from_the_amble()].map(|gait| PreparedGait::new(&gait, &config()).unwrap());
+    let without = PreparedGait::new(&Gait { lead: Vec::new(), ..with_lead_from_the_amble() }, &config()).unwrap();
+    assert!(may_follow(&amble, &far, &config()) && !may_follow(&amble, &without, &config()));
+    // Asked for in either step, it waits for the beginning of a stride, whose step's index is even.
+    for (asked_in, led_from) in [(20, 22), (21, 22)] {
+        let mut b = ambling(asked_in);
+        let mut last = b.cycle(&[], Some(&far));
+        while last.step_index < led_from + 4 {
+            let output = b.cycle(&[], None);
+            assert_eq!(output.mode, Mode::Walking);
+            for j in 0..JOINTS {
+                let moved = output.command.position_rad[j] - last.command.position_rad[j];
+                assert!(moved.abs() < 0.02, "step {} joint {j} jumped {moved}", output.step_index);
+            }
+            last = output;
+        }
+        let gaits_own = PreparedGait::at(&far, StepSide::First, last.step_phase);
+        for j in 0..JOINTS {
+            assert!((last.command.position_rad[j] - gaits_own.position_rad[j]).abs() < 3e-6, "joint {j}");
+        }
+        let times = [led_from, led_from + 1].map(|step| step_cycles(asked_in, &far, step));
+        assert_eq!(times, [300, 300], "the lead's own durations");
+    }
+}
+
+/// How many cycles step `step` takes where `far` was asked for in step `asked_in`.
+fn step_cycles(asked_in: u64, far: &PreparedGait, step: u64) -> usize {
+    let mut b = ambling(asked_in);
+    b.cycle(&[], Some(far));
+    b.until_step(step);
+    b.until_step(step + 1)
+}
+
+#[test]
+fn a_gait_whose_lead_comes_out_of_another_gait_grows_out_of_standing() {
+    let mut b = Bench::new(config());
+    b.load(&PreparedGait::new(&with_lead_from_the_amble(), &config()).unwrap());
+    for request in [Request::Arm, Request::Stand, Request::Walk] {
+        b.ask(request).unwrap();
+    }
+    b.until(Mode::Walking, 6.0);
+    assert_eq!((b.until_step(1), b.until_step(2)), (404, 404), "the gait's own steps");
+}
+
+#[test]
+fn a_snapshot_within_a_lead_out_of_another_gait_goes_on_to_the_bit() {
+    let far = PreparedGait::new(&with_lead_from_the_amble(), &config()).unwrap();
+    for step in [22, 23, 24] {
+        let mut b = ambling(20);
+        b.cycle(&[], Some(&far));
+        b.until_step(step);
+        b.run(50);
+        let text = serde_json::to_string(&b.controller.snapshot()).unwrap();
+        let mut again = Bench {
+            controller: Controller::resume(config(), &serde_json::from_str(&text).unwrap()).unwrap(),
+            ..Bench::new(config())
+        };
+        (again.now, again.position_rad, again.velocity_rad_s) = (b.now, b.position_rad, b.velocity_rad_s);
+        for cycle in 0..1000 {
+            let (there, here) = (b.cycle(&[], None), again.cycle(&[], None));
+            assert_eq!(there, here, "cycle {cycle} in step {step}");
+        }
+    }
+}

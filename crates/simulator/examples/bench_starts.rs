@@ -1,5 +1,6 @@
 //! What it costs the Vision 60 to begin a walk, to change it and to end it: standing, amble, gait3 and rest in the
-//! simulator, with the gaits grown out of standing and with planned steps as their lead, under both laws. One line a
+//! simulator, with the gaits grown out of standing and with planned steps as leads out of standing and from the one to
+//! the other, under both laws. One line a
 //! phase: the largest torque, the largest roll or pitch, and how long it took to go as fast as the amble then goes,
 //! over all seeds.
 //!
@@ -8,7 +9,7 @@
 use control::balanced::BalanceConfig;
 use control::{Config, Controller, Input, JointState, Mode, Output, PreparedGait, Request};
 use gait::Gait;
-use gait_design::{GaitRequest, PlanOptions, TransitionOptions, TransitionRequest, plan, plan_transition};
+use gait_design::{GaitRequest, PlanError, PlanOptions, TransitionOptions, TransitionRequest, plan, plan_transition};
 use robot::Robot;
 use simulator::{Posture, Simulator, SimulatorOptions};
 use std::ops::ControlFlow;
@@ -35,7 +36,12 @@ fn main() {
     let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../config/robots/vision60");
     let robot = Robot::load(&folder).expect("the robot's folder belongs to the project");
     for (name, leads) in [("grown", false), ("lead", true)] {
-        let gaits = ["amble", "gait3"].map(|gait| planned(&robot, gait, leads));
+        let mut gaits = ["amble", "gait3"].map(|gait| planned(&robot, gait));
+        if leads {
+            let [amble, gait3] = &mut gaits;
+            lead(&robot, gait3, TransitionRequest::between(&robot, amble, gait3));
+            lead(&robot, amble, TransitionRequest::from_rest(&robot, amble));
+        }
         for (law, balance) in [("bare", false), ("balanced", true)] {
             let mut figures = [Figures::default(); PHASES.len()];
             for seed in 1..=seeds {
@@ -50,19 +56,21 @@ fn main() {
     }
 }
 
-/// A gait as the planner's defaults have it, with the planned steps from standing as its lead or without.
-fn planned(robot: &Robot, name: &str, leads: bool) -> Gait {
-    let go_on = |_: &_| ControlFlow::Continue(());
+/// A gait as the planner's defaults have it.
+fn planned(robot: &Robot, name: &str) -> Gait {
     let request = GaitRequest::named(name, robot).expect("a behaviour's name");
-    let mut gait = plan(robot, &request, &PlanOptions::default(), go_on).expect("the defaults are planned").gait;
-    if leads {
-        let steps = TransitionRequest::from_rest(robot, &gait).expect("a planned gait holds its request");
-        match plan_transition(robot, &steps, &TransitionOptions::default(), go_on) {
-            Ok(steps) => gait.lead = steps.steps.to_vec(),
-            Err(error) => println!("{name}_lead_refused = {error}"),
-        }
+    let go_on = |_: &_| ControlFlow::Continue(());
+    plan(robot, &request, &PlanOptions::default(), go_on).expect("the defaults are planned").gait
+}
+
+/// Gives a gait the planned steps as its lead.
+fn lead(robot: &Robot, gait: &mut Gait, steps: Result<TransitionRequest, PlanError>) {
+    let steps = steps.expect("a planned gait holds its request");
+    let go_on = |_: &_| ControlFlow::Continue(());
+    match plan_transition(robot, &steps, &TransitionOptions::default(), go_on) {
+        Ok(steps) => gait.lead = steps.steps.to_vec(),
+        Err(error) => println!("{}_lead_refused = {error}", gait.name),
     }
-    gait
 }
 
 /// Out of standing into the amble; the amble that is walked; from there to gait3; gait3; to rest.

@@ -13,7 +13,7 @@ use std::ops::ControlFlow;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 use std::time::{Duration, Instant};
-use transition::FromOrToRest;
+use transition::{Between, TwoSteps};
 use verify::{Stable, Verified};
 
 /// Plan a gait by the dynamics decomposition and write the gait file
@@ -117,6 +117,10 @@ pub struct Arguments {
     /// the first step
     #[arg(long, conflicts_with = "table")]
     from_rest: bool,
+    /// Plan the two steps from another gait, the one in this file, to the gait instead: as its lead they are walked
+    /// where the gait takes over from that one
+    #[arg(long, value_name = "FILE", conflicts_with_all = ["table", "from_rest"])]
+    from: Option<PathBuf>,
     /// The two steps from the gait to standing; reported alone, the gait file has no room for them
     #[arg(long, conflicts_with = "table")]
     to_rest: bool,
@@ -189,7 +193,7 @@ fn one(arguments: &Arguments, robot: &robot::Robot, name: &str, file: Option<&Pa
         return Ok(true);
     }
     let mut plan = timed(robot, &request, arguments, arguments.verbose)?;
-    let rest = transition::of_rest(robot, &plan.gait, arguments.from_rest, arguments.to_rest)?;
+    let rest = transition::planned(robot, &plan.gait, &arguments.transitions(robot)?)?;
     transition::lead(&mut plan.gait, &rest)?;
     // What was left open is chosen.
     let request: GaitRequest = serde_json::from_value(plan.gait.request.clone()).context("the gait's request")?;
@@ -207,13 +211,13 @@ fn one(arguments: &Arguments, robot: &robot::Robot, name: &str, file: Option<&Pa
         reported["verified"] = verified.into();
         reported["stability"] = stable.as_ref().map(Stable::json).into();
         if !rest.is_empty() {
-            reported["transitions"] = rest.iter().map(FromOrToRest::json).collect();
+            reported["transitions"] = rest.iter().map(TwoSteps::json).collect();
         }
         output::json(&reported)?;
     } else {
         say_row(&plan.gait, plan.points.len(), file)?;
         let lines = verified.iter().flatten().map(Verified::text).chain(stable.iter().map(Stable::text));
-        let lines = lines.chain(rest.iter().map(FromOrToRest::text));
+        let lines = lines.chain(rest.iter().map(TwoSteps::text));
         output::part(format_args!("{}", lines.collect::<String>()))?;
     }
     Ok(is_followed)
@@ -314,6 +318,13 @@ fn table(arguments: &Arguments, robot: &robot::Robot) -> Result<()> {
 }
 
 impl Arguments {
+    /// The steps to and from the gait that are to be planned with it.
+    fn transitions(&self, robot: &robot::Robot) -> Result<Vec<Between>> {
+        let from = self.from.as_deref().map(|file| Between::from_file(file, robot)).transpose()?;
+        let from_rest = self.from_rest.then_some(Between::FromRest);
+        Ok(from_rest.into_iter().chain(from).chain(self.to_rest.then_some(Between::ToRest)).collect())
+    }
+
     /// What is left to the planner, where it is to choose.
     fn open(&self) -> Option<Open> {
         let timing = [self.step_duration, self.step_frequency, self.stride_frequency];

@@ -116,6 +116,17 @@ impl Drive {
         }
     }
 
+    /// The gait's own velocity becomes another by a plan: what is walked beyond it stays.
+    pub fn go_over(&mut self, before: &Velocity, after: &Velocity) {
+        let ahead = [after.forward_m_s - before.forward_m_s, after.left_m_s - before.left_m_s];
+        for axis in 0..2 {
+            self.velocity[axis] += ahead[axis];
+        }
+        self.yaw_rad_s += after.yaw_rad_s - before.yaw_rad_s;
+        self.asked_yaw_rad_s += after.yaw_rad_s - before.yaw_rad_s;
+        self.path = None;
+    }
+
     /// The velocity that the legs are to walk now. An error of speed is answered in proportion as long as it is small:
     /// one that a push makes is the placement's to catch, and stance legs that run after it take away what the body
     /// stands on.

@@ -14,6 +14,7 @@ pub use crate::balance_config::{BalanceConfig, VelocityLimit};
 pub use drive::{Velocity, VelocityCommand};
 pub(crate) use walk::{Balanced, Trouble};
 
+use crate::gait_clock::is_none;
 use crate::prepared_gait::Instant;
 use crate::step::{LEAD_STEPS, Step};
 use crate::{JOINTS, PreparedGait, of_leg};
@@ -64,9 +65,12 @@ pub struct Balance {
     ground: Ground,
     /// Steps that have ended.
     steps: u64,
-    /// The walk began with the gait's lead.
+    /// It began with the gait's lead, out of standing or out of another gait.
     #[serde(default, skip_serializing_if = "std::ops::Not::not")]
     leads: bool,
+    /// Steps that had ended before that lead.
+    #[serde(default, skip_serializing_if = "is_none")]
+    before_lead: u64,
     phase: f64,
     /// dphase/dt, 1/s, and the most that the joints' velocities allow.
     rate_s: f64,
@@ -109,7 +113,8 @@ impl Balance {
             drive: Drive::new(&Velocity::default(), cycle.estimate),
             ground: Ground::default(),
             steps: 0,
-            leads: !moving && cycle.gait.has_lead(),
+            leads: !moving && cycle.gait.leads_out_of_standing(),
+            before_lead: 0,
             phase: 0.0,
             rate_s: 0.0,
             fastest_s: f64::MAX,
@@ -168,7 +173,7 @@ impl Balance {
 
     /// The step of `gait` that is walked.
     pub fn present_step(&self, gait: &PreparedGait) -> Step {
-        Step::of_walk(self.steps, self.leads, gait.stride_steps())
+        Step::number(self.steps - self.before_lead, self.leads, gait.stride_steps())
     }
 
     /// The gait's own velocity, m/s: what is walked where nothing else is asked for.
@@ -223,16 +228,29 @@ impl Balance {
         let led = self.present_step(cycle.gait).is_lead();
         self.steps = steps;
         if led && !self.present_step(cycle.gait).is_lead() {
+            self.adopt_as_planned(cycle);
+        }
+    }
+
+    /// Follows it over a switch at which another gait, the cycle's, was taken up, by its lead or at once: `ended_rad` was
+    /// asked for before.
+    pub fn change(&mut self, cycle: &Cycle, steps: u64, by_lead: bool, phase: f64, ended_rad: [f64; JOINTS]) {
+        self.phase = phase;
+        self.switch(cycle, ended_rad);
+        self.steps = steps;
+        if by_lead {
+            (self.leads, self.before_lead) = (true, steps);
+            self.adopt_as_planned(cycle);
+        } else {
             self.adopt(cycle);
         }
     }
 
-    /// Follows it over a switch at which another gait, the cycle's, was taken up: `ended_rad` was asked for before.
-    pub fn change(&mut self, cycle: &Cycle, steps: u64, phase: f64, ended_rad: [f64; JOINTS]) {
-        self.phase = phase;
-        self.switch(cycle, ended_rad);
-        self.steps = steps;
+    /// Takes over what a lead leads from or to, whose own velocity changes by a plan that the drive is not to undo.
+    fn adopt_as_planned(&mut self, cycle: &Cycle) {
+        let before = self.own_velocity();
         self.adopt(cycle);
+        self.drive.go_over(&before, &self.own_velocity());
     }
 
     /// Joints at the very end of the present step.

@@ -2,6 +2,7 @@
 
 use super::{Balance, BalanceConfig, BalanceReport, Cycle, Velocity};
 use crate::gait_clock::Place;
+use crate::step::Step;
 use crate::{JOINTS, JointCommand};
 use estimator::Health;
 
@@ -75,7 +76,8 @@ impl Balanced {
             self.balance.follow(cycle, step_index, place.phase);
         } else {
             self.base_index = base_index;
-            self.balance.change(cycle, step_index, place.phase, self.reference.position_rad);
+            let by_lead = place.step == Step::Lead(0);
+            self.balance.change(cycle, step_index, by_lead, place.phase, self.reference.position_rad);
         }
         let own = self.balance.own_velocity();
         let asked = self.asked.unwrap_or(Velocity {
