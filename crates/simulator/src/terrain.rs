@@ -30,6 +30,16 @@ pub enum Terrain {
         /// Depth of a stair, m.
         run_m: f64,
     },
+    /// Stairs without end upwards along +x, in the axes of their slope as on [`Terrain::Slope`]: the middles of the
+    /// treads lie at z = 0, one of them at x = `middle_m`.
+    Staircase {
+        /// Rise of a stair, m.
+        rise_m: f64,
+        /// Depth of a tread, m.
+        run_m: f64,
+        /// Where the middle of a tread is, m.
+        middle_m: f64,
+    },
     /// Level ground, from 1 m in front of the origin on a plane that rises (or, negative, falls) along +x.
     Ramp {
         /// Inclination, rad.
@@ -54,6 +64,9 @@ const ROUGH_HALF_SIDE_M: f64 = 12.0;
 /// Where the first stair begins, m.
 const STAIRS_START_M: f64 = 1.0;
 const STAIRS: usize = 10;
+/// Of a staircase without end: more than any walk climbs.
+const STAIRS_BEHIND: i32 = 10;
+const STAIRS_AHEAD: i32 = 60;
 /// Half the width of the stairs, m.
 const STAIRS_HALF_WIDTH_M: f64 = 3.0;
 /// How far the landing above the last stair reaches, m.
@@ -64,6 +77,26 @@ const KERB_M: f64 = 2.0;
 /// From hill to hill, m, and the side of a bump on them.
 const HILL_M: f64 = 3.0;
 const BUMP_CELL_M: f64 = 0.2;
+
+/// Boxes whose tops are the treads, turned back from the axes of their slope, with a plane far below them.
+fn staircase(rise_m: f64, run_m: f64, middle_m: f64) -> String {
+    let incline_rad = rise_m.atan2(run_m);
+    let (sine, cosine) = incline_rad.sin_cos();
+    let (half_sine, half_cosine) = (0.5 * incline_rad).sin_cos();
+    let stride_m = rise_m.hypot(run_m);
+    let first_m = middle_m - stride_m * (middle_m / stride_m).floor();
+    let mut boxes = r#"<geom name="floor" type="plane" size="0 0 0.5" pos="0 0 -2" material="floor"/>"#.to_owned();
+    for stair in -STAIRS_BEHIND..STAIRS_AHEAD {
+        // From the middle of the tread against up to the middle of the box, which is as high as two stairs.
+        let (x, z) = (first_m + stride_m * f64::from(stair) - rise_m * sine, -rise_m * cosine);
+        boxes += &format!(
+            r#"<geom type="box" size="{} {STAIRS_HALF_WIDTH_M} {rise_m}" pos="{x} 0 {z}" quat="{half_cosine} 0 {half_sine} 0" material="stair{}"/>"#,
+            0.5 * run_m,
+            stair.rem_euclid(2)
+        );
+    }
+    boxes
+}
 
 impl Terrain {
     /// The first thing wrong with the terrain's numbers, for the user.
@@ -85,6 +118,9 @@ impl Terrain {
             Self::Steps { rise_m, run_m } => {
                 wrong(setting::STAIR_RISE_M, rise_m).or_else(|| wrong(setting::STAIR_RUN_M, run_m))
             }
+            Self::Staircase { rise_m, run_m, middle_m } => wrong(setting::STAIR_RISE_M, rise_m)
+                .or_else(|| wrong(setting::STAIR_RUN_M, run_m))
+                .or_else(|| outside("middle of a tread", middle_m, -10.0, 10.0, "m")),
             Self::Ramp { incline_rad } => outside("ramp", incline_rad.to_degrees(), -30.0, 30.0, "degrees"),
             Self::Kerb { height_m } => outside("kerb height", height_m, 0.005, 0.3, "m"),
             Self::Hills { incline_rad, bump_m } => outside("hills", incline_rad.to_degrees(), 0.0, 30.0, "degrees")
@@ -96,6 +132,7 @@ impl Terrain {
     pub(crate) fn gravity_m_s2(&self) -> [f64; 3] {
         let (pitch, roll) = match *self {
             Self::Slope { uphill_rad, sideways_rad } => (uphill_rad, sideways_rad),
+            Self::Staircase { rise_m, run_m, .. } => (rise_m.atan2(run_m), 0.0),
             _ => (0.0, 0.0),
         };
         [-pitch.sin() * roll.cos(), -roll.sin(), -pitch.cos() * roll.cos()].map(|g| g * crate::GRAVITY_M_S2)
@@ -192,6 +229,7 @@ impl Terrain {
                 );
                 (String::new(), plane(0.0) + &kerb)
             }
+            Self::Staircase { rise_m, run_m, middle_m } => (String::new(), staircase(rise_m, run_m, middle_m)),
             Self::Steps { rise_m, run_m } => {
                 let mut boxes = plane(0.0);
                 for stair in 0..STAIRS {

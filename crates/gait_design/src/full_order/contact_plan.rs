@@ -31,6 +31,9 @@ pub struct ScheduleOptions {
     pub solver: nlp::Settings,
     /// How the subproblems are solved: by elimination along the schedule, or by Clarabel.
     pub subproblem: SubproblemSolver,
+    /// Whether all toes land a whole number of strides apart: in the middles of stairs of the request's slope, of which
+    /// each leg climbs one a stride.
+    pub treads: bool,
 }
 
 impl Default for ScheduleOptions {
@@ -40,6 +43,7 @@ impl Default for ScheduleOptions {
             program: ProgramSettings { height_tolerance_m: 0.03, toe_distance_tolerance_m: 0.03, ..options.program },
             solver: options.solver,
             subproblem: SubproblemSolver::default(),
+            treads: false,
         }
     }
 }
@@ -74,13 +78,19 @@ pub fn plan_schedule(
     contacts.validate()?;
     check_points(options.program.points)?;
     check_upright(request)?;
+    if options.treads {
+        check_straight(request)?;
+    }
     let (mut program, start) = program_and_start(robot, request, contacts, options)?;
     let solution = solve(&mut program, &start, options, progress)?;
     if !solution.status.is_solution() {
         return Err(not_converged(solution));
     }
-    let plan = plan_of(&program, &solution, robot, request, contacts)?;
+    let mut plan = plan_of(&program, &solution, robot, request, contacts)?;
     check_between(&program, request, &plan)?;
+    if options.treads {
+        plan.gait.request["treads"] = true.into();
+    }
     Ok(plan)
 }
 
@@ -99,6 +109,19 @@ fn check_upright(request: &GaitRequest) -> Result<(), RequestError> {
     Ok(())
 }
 
+/// Stairs are climbed straight ahead.
+fn check_straight(request: &GaitRequest) -> Result<(), RequestError> {
+    for (field, value, unit) in [
+        ("lateral_speed_m_s", request.lateral_speed_m_s, "m/s on treads"),
+        ("yaw_rate_rad_s", request.yaw_rate_rad_s, "rad/s on treads"),
+    ] {
+        if value != 0.0 {
+            return Err(RequestError::OutOfRange { field, value, lower: 0.0, upper: 0.0, unit });
+        }
+    }
+    Ok(())
+}
+
 fn program_and_start(
     robot: &Robot,
     request: &GaitRequest,
@@ -107,7 +130,7 @@ fn program_and_start(
 ) -> Result<(FullOrderProgram, Vec<f64>), PlanError> {
     let (robot, settings) = (&on_slope(robot, request), &options.program);
     let hips = hip_x_m(robot);
-    let mut schedule = Schedule::of_contacts(&robot.mirror, request, contacts, settings.points);
+    let mut schedule = Schedule::of_contacts(&robot.mirror, request, contacts, settings.points, options.treads);
     let footfalls = Footfalls::new(&schedule, &robot.mirror, request, hips);
     for domain in 0..schedule.domains.len() {
         schedule.domains[domain].footholds = footfalls.footholds(&schedule, &robot.mirror, domain);

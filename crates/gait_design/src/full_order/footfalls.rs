@@ -30,12 +30,33 @@ impl Footfalls {
             let side = if leg < 2 { 1.0 } else { -1.0 };
             Vector2::new(hip_x_m[leg], side * request.half_width_m)
         });
-        Self {
+        let mut footfalls = Self {
             motion: PlanarMotion::of(request),
             clearance_m: request.clearance_m,
             t: request.step_duration_s,
             under_body,
             stances: std::array::from_fn(|leg| stances(schedule, mirror, leg)),
+        };
+        if schedule.on_treads {
+            footfalls.step_on_treads(request.speed_m_s * request.step_duration_s * schedule.duration());
+        }
+        footfalls
+    }
+
+    /// Shifts every leg's toe along the way, the farthest one least, so that all stand whole strides of `stride_m`
+    /// apart: each at the same place of its tread of stairs that a stride climbs by one.
+    fn step_on_treads(&mut self, stride_m: f64) {
+        const TRIED: u32 = 64;
+        let places: [f64; 4] = std::array::from_fn(|leg| self.standing(leg, self.around(leg, 0.0)).x);
+        let shift = |leg: usize, tread_m: f64| {
+            let away = tread_m - places[leg];
+            away - stride_m * (away / stride_m).round()
+        };
+        let farthest = |tread_m: f64| (0..4).fold(0.0_f64, |most, leg| most.max(shift(leg, tread_m).abs()));
+        let tried = (0..TRIED).map(|n| stride_m * f64::from(n) / f64::from(TRIED));
+        let tread_m = tried.min_by(|a, b| farthest(*a).total_cmp(&farthest(*b))).expect("some are tried");
+        for leg in 0..4 {
+            self.under_body[leg].x += shift(leg, tread_m);
         }
     }
 

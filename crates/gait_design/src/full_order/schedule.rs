@@ -109,6 +109,8 @@ pub(super) struct Place {
 pub(super) struct Schedule {
     pub domains: Vec<Domain>,
     pub closure: Closure,
+    /// All toes land whole strides apart: in the middles of stairs.
+    pub on_treads: bool,
     places: Vec<Place>,
     /// First of what is missed.
     missed: usize,
@@ -132,7 +134,13 @@ impl Schedule {
     }
 
     /// A contact schedule's first half where the second is its mirror image, else a stride. Footholds are none yet.
-    pub fn of_contacts(mirror: &Mirror, request: &GaitRequest, contacts: &ContactSchedule, points: usize) -> Self {
+    pub fn of_contacts(
+        mirror: &Mirror,
+        request: &GaitRequest,
+        contacts: &ContactSchedule,
+        points: usize,
+        on_treads: bool,
+    ) -> Self {
         let domain = |phase: Phase| {
             let legs = |stand: bool| (0..LEGS).filter(|leg| phase.stands[*leg] == stand).collect::<Vec<_>>();
             let swing = legs(false);
@@ -141,7 +149,8 @@ impl Schedule {
             Domain { stance: legs(true), swing, share: phase.share, points, redundant_joints, footholds }
         };
         let mut phases = contacts.phases();
-        let closure = match (contacts.is_mirrored(), request.is_mirrored()) {
+        // Mirror images land half a stride apart.
+        let closure = match (contacts.is_mirrored(), request.is_mirrored() && !on_treads) {
             (true, true) => Closure::Mirrored,
             (true, false) => {
                 let image = |phase: &Phase| {
@@ -155,7 +164,7 @@ impl Schedule {
             }
             (false, _) => Closure::Moved,
         };
-        Self::new(phases.into_iter().map(domain).collect(), closure)
+        Self { on_treads, ..Self::new(phases.into_iter().map(domain).collect(), closure) }
     }
 
     fn two_steps(robot: &Robot, points: usize) -> [Domain; 2] {
@@ -194,7 +203,7 @@ impl Schedule {
             (Closure::Between(_), Some(last)) => goal::parts(&last.stance, &last.swing).count(),
             _ => 0,
         };
-        Self { domains, closure, places, missed: column, unknowns: column + missed }
+        Self { domains, closure, on_treads: false, places, missed: column, unknowns: column + missed }
     }
 
     /// Column of coefficient `k` of a joint's polynomial in a domain.

@@ -20,6 +20,7 @@ fn ground(terrain: &Terrain) -> String {
         }
         Terrain::Rough { height_m, .. } => format!("bumps up to {:.0} mm", 1e3 * height_m),
         Terrain::Steps { rise_m, .. } => format!("stairs of {:.0} mm", 1e3 * rise_m),
+        Terrain::Staircase { rise_m, .. } => format!("a staircase of {:.0} mm", 1e3 * rise_m),
         Terrain::Ramp { incline_rad } => format!("a ramp of {:.1} degrees", incline_rad.to_degrees()),
         Terrain::Kerb { height_m } => format!("a kerb of {:.0} mm", 1e3 * height_m),
         Terrain::Hills { incline_rad, bump_m } => {

@@ -112,7 +112,7 @@ fn toes_stay_where_they_landed_until_their_legs_swing() {
 fn a_stride_that_turns_is_planned_with_both_halves() {
     let robot = vision60();
     let request = GaitRequest { lateral_speed_m_s: 0.1, yaw_rate_rad_s: 0.3, ..slow(0.25, 0.2) };
-    let schedule = Schedule::of_contacts(&robot.mirror, &request, &CRAWL, 11);
+    let schedule = Schedule::of_contacts(&robot.mirror, &request, &CRAWL, 11, false);
     let stands: Vec<_> = schedule.domains.iter().map(|d| &d.stance[..]).collect();
     assert_eq!(stands, [[0, 2, 3], [1, 2, 3], [0, 1, 2], [0, 1, 3]]);
     for (domain, swings) in [1, 0, 3, 2].into_iter().enumerate() {
@@ -133,4 +133,8 @@ fn what_no_schedule_is_planned_for_is_named() {
         let error = plan_schedule(&robot, &request, &contacts, &ScheduleOptions::default(), go_on).unwrap_err();
         assert!(error.to_string().contains(expected), "{error}");
     }
+    let aside = GaitRequest { lateral_speed_m_s: 0.1, ..slow(0.4, 0.1) };
+    let on_treads = ScheduleOptions { treads: true, ..ScheduleOptions::default() };
+    let error = plan_schedule(&robot, &aside, &CRAWL, &on_treads, go_on).unwrap_err().to_string();
+    assert!(error.contains("lateral_speed_m_s is 0.1, expected 0 to 0 m/s on treads"), "{error}");
 }
