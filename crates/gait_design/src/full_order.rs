@@ -18,7 +18,6 @@ mod contact_plan;
 mod costs;
 mod footfalls;
 mod goal;
-mod names;
 mod order;
 mod plan;
 mod planning;
@@ -43,17 +42,17 @@ pub use transition::{Missed, Transition, TransitionError, TransitionOptions, Tra
 use crate::Reference;
 use crate::limits::{Limits, ProgramSettings};
 use crate::planar::PlanarMotion;
-use crate::program::{Places, ValuesSink, three};
+use crate::program::three;
 use crate::recompose::PlanPoint;
 use crate::request::GaitRequest;
+use crate::terms::{At, Names, Place, Sink, Terms};
 use costs::Square;
-use names::Names;
 use nlp::{Bounds, Evaluation, Pattern, Problem};
-use point::Point;
+use point::Points;
 use rigid_body::Data;
 use robot::Robot;
 use schedule::{DOF, Schedule, at};
-use terms::{Asked, At, Terms};
+use terms::Asked;
 
 /// The full-order program of one request on one robot.
 pub struct FullOrderProgram {
@@ -64,7 +63,7 @@ pub struct FullOrderProgram {
     terms: Terms,
     cost: Vec<Square>,
     data: Data,
-    points: Vec<Point>,
+    points: Points,
     bounds: Bounds,
     jacobian: Pattern,
     hessian: Pattern,
@@ -98,9 +97,8 @@ impl FullOrderProgram {
         let (motion, nominal_t_s) = (PlanarMotion::of(request), request.step_duration_s);
         let friction = request.friction;
         let asked = Asked { robot, schedule: &schedule, limits, motion, nominal_t_s, friction, joints_prescribed };
-        let terms = Terms::of(&asked);
+        let terms = terms::of(&asked);
         let [variable_lower, variable_upper] = variables::bounds(robot, request, &schedule, limits, joints_prescribed);
-        let rows = terms.bounds();
         let mut cost = Vec::new();
         for place in schedule.places() {
             cost.extend(costs::base_velocity(place, motion, nominal_t_s));
@@ -112,35 +110,35 @@ impl FullOrderProgram {
             robot: robot.clone(),
             names: Names::of(robot),
             joints_prescribed,
-            terms,
             hessian: hessian(&cost),
             cost,
             data: Data::new(&robot.model),
-            points: vec![Point::new(); schedule.places().len()],
+            points: Points::of(schedule.places().len()),
             bounds: Bounds {
                 variable_lower,
                 variable_upper,
-                constraint_lower: rows.iter().map(|row| row[0]).collect(),
-                constraint_upper: rows.iter().map(|row| row[1]).collect(),
+                constraint_lower: terms.bounds(0).collect(),
+                constraint_upper: terms.bounds(1).collect(),
             },
             jacobian: Pattern::default(),
+            terms,
             schedule,
         };
         let x = vec![0.0; program.schedule.unknowns];
-        let mut places = Places(Vec::new());
+        let mut places = Sink::Places(Vec::new());
         program.terms.derivatives(&program.at(&x), &mut places);
-        program.jacobian = Pattern(places.0);
+        program.jacobian = places.into_pattern();
         program
     }
 
     fn at<'a>(&'a self, x: &'a [f64]) -> At<'a> {
-        At { x, t_column: self.schedule.t(), points: &self.points }
+        At { x, t_column: self.schedule.t(), bodies: &self.points }
     }
 
     fn evaluate_points(&mut self, x: &[f64], derivatives: bool) {
         for place in self.schedule.places() {
             let (unknowns, stance) = (&x[self.schedule.columns(place)], &self.schedule.domains[place.domain].stance);
-            self.points[place.index].evaluate(&self.robot, &mut self.data, unknowns, stance, derivatives);
+            self.points.0[place.index].evaluate(&self.robot, &mut self.data, unknowns, stance, derivatives);
         }
     }
 
@@ -162,7 +160,7 @@ impl FullOrderProgram {
     /// The robot at every point of a domain.
     fn plan_points(&self, x: &[f64], domain: usize) -> Vec<PlanPoint> {
         let stance = &self.schedule.domains[domain].stance;
-        let point = |place: &schedule::Place| {
+        let point = |place: &Place| {
             let p = &x[self.schedule.columns(place)];
             let eighteen = |start: usize| -> [f64; DOF] { p[start..start + DOF].try_into().expect("eighteen entries") };
             let mut ground_force_n = [[0.0; 3]; 4];
@@ -202,7 +200,7 @@ impl Problem for FullOrderProgram {
     fn evaluate(&mut self, x: &[f64], evaluation: &mut Evaluation) {
         self.evaluate_points(x, true);
         self.terms.values(&self.at(x), &mut evaluation.constraints);
-        let mut sink = ValuesSink { values: &mut evaluation.jacobian, next: 0 };
+        let mut sink = Sink::Values(evaluation.jacobian.iter_mut());
         self.terms.derivatives(&self.at(x), &mut sink);
         evaluation.objective = self.objective(x);
         evaluation.gradient.fill(0.0);

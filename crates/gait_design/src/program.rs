@@ -8,19 +8,16 @@
 use crate::biped::{BipedPair, FRONT_SWING, PointDynamics, REAR_SWING};
 use crate::limits::{Limits, ProgramSettings, keeps_stance_roll};
 use crate::request::GaitRequest;
+pub(crate) use crate::terms::COEFFICIENTS;
+use crate::terms::{Rows, Sink};
 use gait::bezier;
 use nlp::{Bounds, Evaluation, Pattern, Problem};
 use robot::Robot;
-
-mod sinks;
-use sinks::{Count, Steepest};
-pub(crate) use sinks::{Places, Sink, ValuesSink};
 
 /// Coordinates of a biped.
 pub(crate) const DOF: usize = 12;
 /// Outputs of the front biped: its six joints.
 pub(crate) const OUTPUTS: usize = 6;
-pub(crate) const COEFFICIENTS: usize = bezier::DEGREE + 1;
 
 /// Where α, T and the points' quantities lie in the vector of unknowns.
 pub(crate) mod layout {
@@ -124,11 +121,9 @@ impl DecomposedProgram {
         };
         program.ask(robot, request);
         let x: Vec<f64> = vec![0.0; program.bounds.variable_lower.len()];
-        let mut count = Count(0);
-        program.derivatives(&x, &mut count);
-        let mut places = Places(Vec::with_capacity(count.0));
-        program.derivatives(&x, &mut places);
-        program.jacobian = Pattern(places.0);
+        let mut places = Sink::Places(Vec::new());
+        program.derivatives(&x, &mut Rows::new(0, &mut places));
+        program.jacobian = places.into_pattern();
         program.hessian = Pattern(program.weights.iter().map(|w| (w.0, w.0)).collect());
         program
     }
@@ -392,7 +387,7 @@ impl DecomposedProgram {
     }
 
     /// Derivatives at the point of the last call of [`Self::constraints`] with derivatives evaluated.
-    fn derivatives(&self, x: &[f64], sink: &mut impl Sink) {
+    fn derivatives(&self, x: &[f64], sink: &mut Rows) {
         let t = x[at::T];
         let face = self.friction_face;
         for point in 0..self.points() {
@@ -589,8 +584,8 @@ impl Problem for DecomposedProgram {
         self.bipeds.with_derivatives = true;
         self.constraints(x, &mut evaluation.constraints);
         if evaluation.jacobian_wanted {
-            let mut sink = ValuesSink { values: &mut evaluation.jacobian, next: 0 };
-            self.derivatives(x, &mut sink);
+            let mut values = Sink::Values(evaluation.jacobian.iter_mut());
+            self.derivatives(x, &mut Rows::new(0, &mut values));
         }
         evaluation.objective = self.objective(x);
         evaluation.gradient.fill(0.0);
@@ -602,7 +597,7 @@ impl Problem for DecomposedProgram {
 
     fn steepest(&mut self, x: &[f64], _: &mut Evaluation) -> Vec<f64> {
         let mut steepest = vec![0.0; self.bounds.constraint_lower.len()];
-        self.derivatives(x, &mut Steepest(&mut steepest));
+        self.derivatives(x, &mut Rows::new(0, &mut Sink::Steepest(&mut steepest)));
         steepest
     }
 

@@ -12,7 +12,8 @@
 //! inputs. Torques follow from the law, accelerations and ground forces from the dynamics and the stance toes' rows,
 //! at any number of stance toes.
 
-use super::schedule::{COEFFICIENTS, DOF, Place, Schedule, at};
+use super::schedule::{COEFFICIENTS, DOF, Schedule, at};
+use crate::terms::Place;
 use gait::JOINTS;
 use nlp::{Order, Stage};
 

@@ -3,7 +3,7 @@
 
 use super::FullOrderProgram;
 use super::footfalls::Footfalls;
-use super::schedule::{COEFFICIENTS, DOF, Place, at};
+use super::schedule::{COEFFICIENTS, DOF, at};
 use super::stride::mirror_point;
 use crate::decomposed::DecomposedPlanner;
 use crate::guess::{self, Unreachable, swing_arc};
@@ -11,6 +11,7 @@ use crate::planar::PlanarMotion;
 use crate::program::DecomposedProgram;
 use crate::recompose::compensated_reference;
 use crate::request::GaitRequest;
+use crate::terms::Place;
 use crate::{PlanOptions, SubproblemSolver, on_slope};
 use gait::{JOINTS, bezier};
 use nalgebra::{DMatrix, Vector2, Vector3};

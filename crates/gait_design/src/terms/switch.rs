@@ -5,51 +5,42 @@
 //!
 //! Everything else repeats, for rates of Euler angles do not feel yaw.
 
-use super::{Asked, At, EQUAL, Names, Place, Rows, Term};
-use crate::full_order::schedule::{Closure, DOF, Step, at};
+use super::{At, EQUAL, Names, Place, Rows, Term};
 use crate::planar::PlanarMotion;
 use robot::Mirror;
 
 const YAW: usize = 5;
 
-enum Link {
-    /// To the next domain.
+/// How a domain's end meets the next one's beginning.
+pub(crate) enum Link {
+    /// They are one.
     Joined,
-    /// To the mirror image of the beginning, by so many durations of T ahead.
+    /// The next is the mirror image, by so many durations of T ahead.
     Mirrored { mirror: Mirror, motion: PlanarMotion, duration: f64 },
-    /// To the beginning, moved for so many durations of T.
+    /// The next is moved for so many durations of T.
     Moved { motion: PlanarMotion, duration: f64 },
 }
 
 /// Rows are q and then q̇.
-pub(super) struct Switch {
+pub(crate) struct Switch {
     end: Place,
     next: Place,
     link: Link,
-    step: Step,
 }
 
 impl Switch {
-    pub fn new(asked: &Asked, end: Place) -> Self {
-        let schedule = asked.schedule;
-        let (motion, duration) = (asked.motion, schedule.duration());
-        let (next, link) = if end.domain + 1 < schedule.domains.len() {
-            (end.domain + 1, Link::Joined)
-        } else {
-            let link = match &schedule.closure {
-                Closure::Mirrored => Link::Mirrored { mirror: asked.robot.mirror, motion, duration },
-                Closure::Moved => Link::Moved { motion, duration },
-                Closure::Between(_) => unreachable!("where a state is to be reached, Arrival stands in its place"),
-            };
-            (0, link)
-        };
-        Self { end, next: schedule.places_of(next)[0], link, step: schedule.step_of(end.domain) }
+    pub fn new(end: Place, next: Place, link: Link) -> Self {
+        Self { end, next, link }
+    }
+
+    fn coordinates(&self) -> usize {
+        self.end.layout.coordinates
     }
 
     /// Which coordinate of the next point coordinate `i` of the end is, and with which sign.
     fn source(&self, i: usize) -> (usize, f64) {
         match &self.link {
-            Link::Mirrored { mirror, .. } => mirror.coordinate_source(i),
+            Link::Mirrored { mirror, .. } => (self.end.layout.mirrored)(mirror, i),
             Link::Joined | Link::Moved { .. } => (i, 1.0),
         }
     }
@@ -71,24 +62,24 @@ fn planar(x: &[f64], start: usize) -> nalgebra::Vector2<f64> {
 }
 
 impl Term for Switch {
-    fn bounds(&self) -> Vec<[f64; 2]> {
-        vec![EQUAL; 2 * DOF]
+    fn bounds(&self, bounds: &mut Vec<[f64; 2]>) {
+        bounds.resize(bounds.len() + 2 * self.coordinates(), EQUAL);
     }
 
     fn values(&self, at: &At, rows: &mut [f64]) {
-        let (end, next) = (&at.x[self.end.column..], &at.x[self.next.column..]);
-        for i in 0..DOF {
+        let (n, end, next) = (self.coordinates(), &self.end, &self.next);
+        for i in 0..n {
             let (from, sign) = self.source(i);
-            rows[i] = end[at::Q + i] - sign * next[at::Q + from];
-            rows[DOF + i] = sign * next[at::V + from] - end[at::V + i];
+            rows[i] = at.x[end.q(i)] - sign * at.x[next.q(from)];
+            rows[n + i] = sign * at.x[next.v(from)] - at.x[end.v(i)];
         }
         let Some((motion, t, _)) = self.moved(at) else { return };
         if motion.yaw_rate_rad_s != 0.0 {
             let turned = motion.rotation(t);
-            let (q, v) = (turned * planar(next, at::Q), turned * planar(next, at::V));
+            let (q, v) = (turned * planar(at.x, next.q(0)), turned * planar(at.x, next.v(0)));
             for i in 0..2 {
-                rows[i] = end[at::Q + i] - q[i];
-                rows[DOF + i] = v[i] - end[at::V + i];
+                rows[i] = at.x[end.q(i)] - q[i];
+                rows[n + i] = v[i] - at.x[end.v(i)];
             }
         }
         let ahead = motion.displacement_m(t);
@@ -98,22 +89,22 @@ impl Term for Switch {
     }
 
     fn derivatives(&self, at: &At, rows: &mut Rows) {
-        let (end, next) = (self.end.column, self.next.column);
+        let (n, end, next) = (self.coordinates(), &self.end, &self.next);
         let moved = self.moved(at);
         let turned = moved.filter(|(motion, ..)| motion.yaw_rate_rad_s != 0.0).map(|(motion, t, _)| motion.rotation(t));
-        for i in 0..DOF {
-            rows.put(i, end + at::Q + i, 1.0);
-            rows.put(DOF + i, end + at::V + i, -1.0);
+        for i in 0..n {
+            rows.put(i, end.q(i), 1.0);
+            rows.put(n + i, end.v(i), -1.0);
             if let Some(turned) = turned.filter(|_| i < 2) {
                 for k in 0..2 {
-                    rows.put(i, next + at::Q + k, -turned[(i, k)]);
-                    rows.put(DOF + i, next + at::V + k, turned[(i, k)]);
+                    rows.put(i, next.q(k), -turned[(i, k)]);
+                    rows.put(n + i, next.v(k), turned[(i, k)]);
                 }
                 continue;
             }
             let (from, sign) = self.source(i);
-            rows.put(i, next + at::Q + from, -sign);
-            rows.put(DOF + i, next + at::V + from, sign);
+            rows.put(i, next.q(from), -sign);
+            rows.put(n + i, next.v(from), sign);
         }
         let Some((motion, t, duration)) = moved else { return };
         let ahead = motion.velocity_m_s(t) * duration;
@@ -122,10 +113,10 @@ impl Term for Switch {
             return;
         }
         let rate = motion.rotation_rate(t) * duration;
-        let (q, v) = (rate * planar(at.x, next + at::Q), rate * planar(at.x, next + at::V));
+        let (q, v) = (rate * planar(at.x, next.q(0)), rate * planar(at.x, next.v(0)));
         for i in 0..2 {
             rows.put(i, at.t_column, -q[i] - ahead[i]);
-            rows.put(DOF + i, at.t_column, v[i]);
+            rows.put(n + i, at.t_column, v[i]);
         }
         rows.put(YAW, at.t_column, -motion.yaw_rad(duration));
     }
@@ -135,7 +126,7 @@ impl Term for Switch {
     }
 
     fn name(&self, row: usize, names: &Names) -> String {
-        let what = if row < DOF { "" } else { "the velocity of " };
-        format!("periodicity of {what}{}{}", names.coordinate(row % DOF), self.step)
+        let what = if row < self.coordinates() { "" } else { "the velocity of " };
+        format!("periodicity of {what}{}{}", names.coordinate(row % self.coordinates()), self.end.step)
     }
 }
