@@ -45,10 +45,10 @@ use crate::planar::PlanarMotion;
 use crate::program::three;
 use crate::recompose::PlanPoint;
 use crate::request::GaitRequest;
-use crate::terms::{At, Names, Place, Sink, Terms};
+use crate::terms::{At, Names, Terms};
 use costs::Square;
 use nlp::{Bounds, Evaluation, Pattern, Problem};
-use point::Points;
+use point::Point;
 use rigid_body::Data;
 use robot::Robot;
 use schedule::{DOF, Schedule, at};
@@ -63,7 +63,7 @@ pub struct FullOrderProgram {
     terms: Terms,
     cost: Vec<Square>,
     data: Data,
-    points: Points,
+    points: Vec<Point>,
     bounds: Bounds,
     jacobian: Pattern,
     hessian: Pattern,
@@ -95,9 +95,7 @@ impl FullOrderProgram {
     ) -> Self {
         let joints_prescribed = reference != Reference::InProgram;
         let (motion, nominal_t_s) = (PlanarMotion::of(request), request.step_duration_s);
-        let friction = request.friction;
-        let asked = Asked { robot, schedule: &schedule, limits, motion, nominal_t_s, friction, joints_prescribed };
-        let terms = terms::of(&asked);
+        let terms = terms::of(&Asked { robot, schedule: &schedule, limits, request, joints_prescribed });
         let [variable_lower, variable_upper] = variables::bounds(robot, request, &schedule, limits, joints_prescribed);
         let mut cost = Vec::new();
         for place in schedule.places() {
@@ -113,7 +111,7 @@ impl FullOrderProgram {
             hessian: hessian(&cost),
             cost,
             data: Data::new(&robot.model),
-            points: Points::of(schedule.places().len()),
+            points: vec![Point::default(); schedule.places().len()],
             bounds: Bounds {
                 variable_lower,
                 variable_upper,
@@ -125,9 +123,7 @@ impl FullOrderProgram {
             schedule,
         };
         let x = vec![0.0; program.schedule.unknowns];
-        let mut places = Sink::Places(Vec::new());
-        program.terms.derivatives(&program.at(&x), &mut places);
-        program.jacobian = places.into_pattern();
+        program.jacobian = program.terms.pattern(&program.at(&x));
         program
     }
 
@@ -138,7 +134,7 @@ impl FullOrderProgram {
     fn evaluate_points(&mut self, x: &[f64], derivatives: bool) {
         for place in self.schedule.places() {
             let (unknowns, stance) = (&x[self.schedule.columns(place)], &self.schedule.domains[place.domain].stance);
-            self.points.0[place.index].evaluate(&self.robot, &mut self.data, unknowns, stance, derivatives);
+            self.points[place.index].evaluate(&self.robot, &mut self.data, unknowns, stance, derivatives);
         }
     }
 
@@ -160,7 +156,7 @@ impl FullOrderProgram {
     /// The robot at every point of a domain.
     fn plan_points(&self, x: &[f64], domain: usize) -> Vec<PlanPoint> {
         let stance = &self.schedule.domains[domain].stance;
-        let point = |place: &Place| {
+        let point = |place: &schedule::Place| {
             let p = &x[self.schedule.columns(place)];
             let eighteen = |start: usize| -> [f64; DOF] { p[start..start + DOF].try_into().expect("eighteen entries") };
             let mut ground_force_n = [[0.0; 3]; 4];
@@ -200,8 +196,7 @@ impl Problem for FullOrderProgram {
     fn evaluate(&mut self, x: &[f64], evaluation: &mut Evaluation) {
         self.evaluate_points(x, true);
         self.terms.values(&self.at(x), &mut evaluation.constraints);
-        let mut sink = Sink::Values(evaluation.jacobian.iter_mut());
-        self.terms.derivatives(&self.at(x), &mut sink);
+        self.terms.jacobian(&self.at(x), &mut evaluation.jacobian);
         evaluation.objective = self.objective(x);
         evaluation.gradient.fill(0.0);
         for (k, s) in self.cost.iter().enumerate() {

@@ -1,10 +1,9 @@
 //! The program's cost: a sum of weighted squares of single unknowns, each kind from one function here.
 
-use super::schedule::{Schedule, at};
+use super::schedule::{Place, Schedule, at};
 use crate::limits::ProgramSettings;
 use crate::planar::PlanarMotion;
 use crate::request::GaitRequest;
-use crate::terms::Place;
 use gait::JOINTS;
 
 /// weight · (x[column] − centre)².

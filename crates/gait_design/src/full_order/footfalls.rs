@@ -1,11 +1,10 @@
 //! Where toes are under a body that glides along its motion, for any contact schedule: a toe stands where it is at its
 //! place under the body in the middle of its stance, and swings from one such place to the next.
 
-use super::schedule::{Closure, Foothold, Schedule};
+use super::schedule::{Closure, Foothold, Place, Schedule};
 use crate::guess::swing_arc;
 use crate::planar::PlanarMotion;
 use crate::request::GaitRequest;
-use crate::terms::Place;
 use nalgebra::{Vector2, Vector3};
 use robot::Mirror;
 

@@ -12,8 +12,7 @@
 //! inputs. Torques follow from the law, accelerations and ground forces from the dynamics and the stance toes' rows,
 //! at any number of stance toes.
 
-use super::schedule::{COEFFICIENTS, DOF, Schedule, at};
-use crate::terms::Place;
+use super::schedule::{COEFFICIENTS, DOF, Place, Schedule, at};
 use gait::JOINTS;
 use nlp::{Order, Stage};
 

@@ -8,9 +8,6 @@ use nalgebra::{SMatrix, SVector};
 use rigid_body::{Data, last_point_kinematics, last_point_kinematics_derivatives, rnea, rnea_derivatives};
 use robot::Robot;
 
-/// Every point of a program.
-pub(super) struct Points(pub Vec<Point>);
-
 /// Inverse dynamics and toes for a point's q, q̇, q̈ and ground forces.
 #[derive(Clone, Default)]
 pub(super) struct Point {
@@ -22,19 +19,13 @@ pub(super) struct Point {
     toes: [ToeMotion<DOF>; LEGS],
 }
 
-impl Points {
-    pub fn of(number: usize) -> Self {
-        Self(vec![Point::default(); number])
-    }
-}
-
-impl Bodies for Points {
+impl Bodies for Vec<Point> {
     fn toe(&self, point: usize, leg: usize) -> Toe<'_> {
-        self.0[point].toes[leg].view()
+        self[point].toes[leg].view()
     }
 
     fn dynamics(&self, point: usize, _: usize) -> InverseDynamics<'_> {
-        let point = &self.0[point];
+        let point = &self[point];
         InverseDynamics {
             tau: point.tau.as_slice(),
             dtau_dq: point.dtau_dq.as_slice(),

@@ -6,9 +6,10 @@ use super::state::State;
 use crate::contact_schedule::{ContactSchedule, Phase};
 use crate::request::GaitRequest;
 pub(super) use crate::terms::COEFFICIENTS;
-use crate::terms::{Layout, Place, Step};
+use crate::terms::{Layout, Mirrored, Step};
 use gait::{JOINTS, LEGS};
 use robot::{Mirror, Robot};
+use std::marker::PhantomData;
 
 pub(super) const DOF: usize = 18;
 
@@ -32,14 +33,21 @@ pub(super) mod at {
 }
 
 /// The whole robot's coordinates.
-static WHOLE: Layout = Layout {
-    coordinates: DOF,
-    joints_of: [6, 9, 12, 15],
-    q: at::Q,
-    v: at::V,
-    a: at::A,
-    mirrored: Mirror::coordinate_source,
-};
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Whole;
+
+impl Layout for Whole {
+    const COORDINATES: usize = DOF;
+    const JOINTS_OF: [usize; LEGS] = [6, 9, 12, 15];
+    const Q: usize = at::Q;
+    const V: usize = at::V;
+    const A: usize = at::A;
+    const MIRRORED: Mirrored = Mirror::coordinate_source;
+    const ACCELERATIONS_LAST: bool = false;
+}
+
+/// A point of a full-order program.
+pub(super) type Place = crate::terms::Place<Whole>;
 
 /// Which steps of a stride are planned.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -169,7 +177,7 @@ impl Schedule {
             for point in 0..d.points {
                 let phase = point as f64 / (d.points - 1) as f64;
                 places.push(Place {
-                    layout: &WHOLE,
+                    layout: PhantomData,
                     index: places.len(),
                     column,
                     domain,

@@ -3,7 +3,7 @@
 
 use super::FullOrderProgram;
 use super::footfalls::Footfalls;
-use super::schedule::{COEFFICIENTS, DOF, at};
+use super::schedule::{COEFFICIENTS, DOF, Place, at};
 use super::stride::mirror_point;
 use crate::decomposed::DecomposedPlanner;
 use crate::guess::{self, Unreachable, swing_arc};
@@ -11,7 +11,6 @@ use crate::planar::PlanarMotion;
 use crate::program::DecomposedProgram;
 use crate::recompose::compensated_reference;
 use crate::request::GaitRequest;
-use crate::terms::Place;
 use crate::{PlanOptions, SubproblemSolver, on_slope};
 use gait::{JOINTS, bezier};
 use nalgebra::{DMatrix, Vector2, Vector3};
@@ -54,7 +53,7 @@ pub(super) fn bent(
     mut straight_x: Vec<f64>,
     [straight, moved]: [&GaitRequest; 2],
 ) -> Result<Vec<f64>, Unreachable> {
-    let hip_x_m = decomposed.bipeds().hips_x_m();
+    let hip_x_m = decomposed.bipeds.hips_x_m();
     let [from, to] = [straight, moved].map(|request| of_four_legs(program, hip_x_m, robot, request));
     for (x, (from, to)) in straight_x.iter_mut().zip(from?.into_iter().zip(to?)) {
         *x += to - from;
@@ -265,7 +264,7 @@ fn inverse_kinematics(
 pub(crate) fn recomposed(full: &FullOrderProgram, program: &DecomposedProgram, x: &[f64]) -> Vec<f64> {
     use crate::program::layout as d;
     let schedule = &full.schedule;
-    let pairing = program.bipeds().pairing();
+    let pairing = program.bipeds.pairing();
     let mut out = vec![0.0; schedule.unknowns];
     for k in 0..COEFFICIENTS {
         let mut front = [0.0; 12];
@@ -292,7 +291,7 @@ pub(crate) fn recomposed(full: &FullOrderProgram, program: &DecomposedProgram, x
         to[at::LAMBDA..].copy_from_slice(&from[d::LAMBDA_1..d::LAMBDA_1 + 6]);
     }
     if schedule.domains.len() == 2 {
-        mirror_second_step(full, program.speed_m_s(), &mut out);
+        mirror_second_step(full, program.speed_m_s, &mut out);
     }
     out
 }

@@ -5,14 +5,15 @@ mod centred;
 mod foothold;
 mod tracking_law;
 
-use super::schedule::{Closure, DOF, Schedule, at};
+use super::schedule::{Closure, DOF, Place, Schedule, at};
 use crate::limits::Limits;
 use crate::planar::PlanarMotion;
-use crate::terms::dynamics::{Body, Dynamics};
-use crate::terms::friction::Friction;
-use crate::terms::polynomials::{Begins, Prescribed};
-use crate::terms::switch::{Link, Switch};
-use crate::terms::{Place, Terms, collocation, stance, start, swing, touchdown};
+use crate::request::GaitRequest;
+use crate::terms::friction::face;
+use crate::terms::{
+    AtRest, Begins, Body, Collocation, Dynamics, Friction, Height, Of, Prescribed, SoftTouchdown, Switch, Terms,
+    ToeDistance,
+};
 use robot::Robot;
 
 /// What the constraints are made of.
@@ -20,11 +21,7 @@ pub(super) struct Asked<'a> {
     pub robot: &'a Robot,
     pub schedule: &'a Schedule,
     pub limits: &'a Limits,
-    pub motion: PlanarMotion,
-    /// T asked for, s: where axes turn along, they do so at its pace.
-    pub nominal_t_s: f64,
-    /// Friction coefficient.
-    pub friction: f64,
+    pub request: &'a GaitRequest,
     /// Whether the polynomials are the joints' own, and not the reference that they follow.
     pub joints_prescribed: bool,
 }
@@ -40,7 +37,7 @@ pub(super) fn of(asked: &Asked) -> Terms {
     }
     for domain in 0..schedule.domains.len() {
         for three in schedule.places_of(domain).windows(3).step_by(2) {
-            terms.add(collocation::Collocation::new(three.try_into().expect("windows of three")));
+            terms.add(Collocation { places: three.try_into().expect("windows of three") });
         }
     }
     for domain in 0..schedule.domains.len() {
@@ -50,7 +47,7 @@ pub(super) fn of(asked: &Asked) -> Terms {
         where_it_ends(&mut terms, asked, domain);
     }
     if schedule.closure == Closure::Moved {
-        terms.add(centred::Centred::new(schedule, asked.motion));
+        terms.add(centred::Centred::new(schedule, PlanarMotion::of(asked.request)));
     }
     terms
 }
@@ -59,21 +56,23 @@ fn at_a_point(terms: &mut Terms, asked: &Asked, place: &Place) {
     let schedule = asked.schedule;
     let d = &schedule.domains[place.domain];
     let mut forces = schedule.forces(place);
-    terms.add(Dynamics::new(*place, &WHOLE, 0..DOF, std::array::from_fn(|_| forces.next())));
+    let forces = std::array::from_fn(|_| forces.next());
+    terms.add(Dynamics { place: *place, body: &WHOLE, coordinates: 0..DOF, forces });
     if asked.joints_prescribed {
         terms.add(Prescribed::new(*place, &d.redundant_joints));
     } else {
         terms.add(tracking_law::TrackingLaw::new(*place, asked.robot));
     }
     for &leg in &d.stance {
-        terms.add(stance::AtRest::new(*place, leg));
+        terms.add(AtRest { place: *place, leg });
     }
-    let axes = asked.motion.rotation(place.time * asked.nominal_t_s);
-    for force in schedule.forces(place) {
-        terms.add(Friction::new(*place, force, asked.friction, axes));
+    let axes = PlanarMotion::of(asked.request).rotation(place.time * asked.request.step_duration_s);
+    for (leg, force) in schedule.forces(place) {
+        terms.add(Friction { place: *place, leg, force, face: face(asked.request.friction), axes });
     }
     for &leg in &d.swing {
-        terms.add(swing::Height::new(*place, leg, asked.limits.swing_height_m(place.point, place.points)));
+        let of = Of::Swing(asked.limits.swing_height_m(place.point, place.points));
+        terms.add(Height { place: *place, leg, of });
     }
 }
 
@@ -83,13 +82,13 @@ fn where_it_begins(terms: &mut Terms, asked: &Asked, domain: usize) {
     // Where a given state begins, its toes are where they are.
     if domain > 0 || !schedule.is_between() {
         for leg in schedule.newly_standing(&asked.robot.mirror, domain) {
-            terms.add(start::OnTheFloor::new(first, leg));
+            terms.add(Height { place: first, leg, of: Of::Stance });
         }
         if schedule.has_footholds() {
             terms.add(foothold::Footholds::new(first, d.footholds.clone(), asked.limits));
         } else {
             let legs = [d.stance[0], d.stance[1]];
-            terms.add(start::ToeDistance::new(first, legs, asked.limits.toe_distance_squared_m2));
+            terms.add(ToeDistance { place: first, legs, squared_m2: asked.limits.toe_distance_squared_m2 });
         }
     }
     if asked.joints_prescribed {
@@ -98,17 +97,19 @@ fn where_it_begins(terms: &mut Terms, asked: &Asked, domain: usize) {
 }
 
 fn where_it_ends(terms: &mut Terms, asked: &Asked, domain: usize) {
-    let (schedule, motion, duration) = (asked.schedule, asked.motion, asked.schedule.duration());
+    let schedule = asked.schedule;
     let end = *schedule.places_of(domain).last().expect("a domain has points");
     let next = (domain + 1) % schedule.domains.len();
-    let link = match &schedule.closure {
-        _ if domain + 1 < schedule.domains.len() => Link::Joined,
-        Closure::Mirrored => Link::Mirrored { mirror: asked.robot.mirror, motion, duration },
-        Closure::Moved => Link::Moved { motion, duration },
-        Closure::Between(states) => return terms.add(arrival::Arrival::new(asked, end, &states[1])),
-    };
-    terms.add(Switch::new(end, schedule.places_of(next)[0], link));
+    let closes = next == 0;
+    if let Closure::Between(states) = &schedule.closure
+        && closes
+    {
+        return terms.add(arrival::Arrival::new(asked, end, &states[1]));
+    }
+    let mirror = (closes && schedule.closure == Closure::Mirrored).then_some(asked.robot.mirror);
+    let moved = closes.then(|| (PlanarMotion::of(asked.request), schedule.duration()));
+    terms.add(Switch { end, next: schedule.places_of(next)[0], mirror, moved });
     for leg in schedule.landing(&asked.robot.mirror, domain) {
-        terms.add(touchdown::SoftTouchdown::new(end, leg, 0..3));
+        terms.add(SoftTouchdown { place: end, leg, axes: 0..3 });
     }
 }

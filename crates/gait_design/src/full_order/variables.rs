@@ -2,12 +2,12 @@
 
 use super::costs::{SWAY_RAD, leaning};
 use super::goal;
-use super::schedule::{COEFFICIENTS, Closure, Schedule, at};
+use super::schedule::{COEFFICIENTS, Closure, Place, Schedule, at};
 use crate::Tolerances;
 use crate::limits::Limits;
 use crate::planar::PlanarMotion;
 use crate::request::GaitRequest;
-use crate::terms::{Names, Place};
+use crate::terms::Names;
 use gait::JOINTS;
 use robot::Robot;
 

@@ -1,37 +1,21 @@
 //! Hermite–Simpson defects of q and q̇ over an interval of length h (paper III).
 
-use super::{At, EQUAL, Names, Place, Rows, Term};
+use super::{At, EQUAL, Layout, Names, Place, Rows, Sink, Term};
 
 /// Over an interval's three points; of q and then of q̇: the middle's defects, the end's.
-pub(crate) struct Collocation {
-    places: [Place; 3],
+pub(crate) struct Collocation<L> {
+    pub places: [Place<L>; 3],
 }
 
-impl Collocation {
-    pub fn new(places: [Place; 3]) -> Self {
-        Self { places }
-    }
-
-    fn coordinates(&self) -> usize {
-        self.places[0].layout.coordinates
-    }
-
-    /// Where what is integrated begins among a point's unknowns, and where its rate does.
-    fn integrated(&self) -> [(usize, usize); 2] {
-        let layout = self.places[0].layout;
-        [(layout.q, layout.v), (layout.v, layout.a)]
-    }
-}
-
-impl Term for Collocation {
+impl<L: Layout> Term for Collocation<L> {
     fn bounds(&self, bounds: &mut Vec<[f64; 2]>) {
-        bounds.resize(bounds.len() + 4 * self.coordinates(), EQUAL);
+        bounds.resize(bounds.len() + 4 * L::COORDINATES, EQUAL);
     }
 
     fn values(&self, at: &At, rows: &mut [f64]) {
-        let n = self.coordinates();
+        let n = L::COORDINATES;
         let h = 2.0 * (at.t() * self.places[0].share) / (self.places[0].points - 1) as f64;
-        for ((value, slope), rows) in self.integrated().into_iter().zip(rows.chunks_exact_mut(2 * n)) {
+        for ((value, slope), rows) in [(L::Q, L::V), (L::V, L::A)].into_iter().zip(rows.chunks_exact_mut(2 * n)) {
             let block = |block: usize| self.places.map(|place| &at.x[place.column + block..][..n]);
             let ([x0, x1, x2], [f0, f1, f2]) = (block(value), block(slope));
             let (middle, end) = rows.split_at_mut(n);
@@ -42,13 +26,13 @@ impl Term for Collocation {
         }
     }
 
-    fn derivatives(&self, at: &At, rows: &mut Rows) {
-        let n = self.coordinates();
+    fn derivatives(&self, at: &At, rows: &mut Rows<impl Sink>) {
+        let n = L::COORDINATES;
         // h over T.
         let per_t = 2.0 * self.places[0].share / (self.places[0].points - 1) as f64;
         let h = per_t * at.t();
         let p = self.places.map(|place| place.column);
-        for (block, (value, slope)) in self.integrated().into_iter().enumerate() {
+        for (block, (value, slope)) in [(L::Q, L::V), (L::V, L::A)].into_iter().enumerate() {
             for i in 0..n {
                 let [f0, f1, f2] = p.map(|p| at.x[p + slope + i]);
                 let row = 2 * n * block + i;

@@ -1,7 +1,7 @@
 //! The dynamics of a rigid body system (paper eq. 1): D q̈ + H − Jᵀ λ − B u = 0; of a biped (paper II-C), with the
 //! wrench λc that the other one's half of the torso has on its own.
 
-use super::{At, EQUAL, Names, Place, Rows, Term};
+use super::{At, EQUAL, Layout, Names, Place, Rows, Sink, Term};
 use gait::LEGS;
 use std::ops::Range;
 
@@ -20,24 +20,15 @@ pub(crate) struct Body {
 }
 
 /// At a point; rows are some of the body's own coordinates, N and N m.
-pub(crate) struct Dynamics {
-    place: Place,
-    body: &'static Body,
-    coordinates: Range<usize>,
+pub(crate) struct Dynamics<L> {
+    pub place: Place<L>,
+    pub body: &'static Body,
+    pub coordinates: Range<usize>,
     /// Legs that stand, and where their forces begin.
-    forces: [Option<(usize, usize)>; LEGS],
+    pub forces: [Option<(usize, usize)>; LEGS],
 }
 
-impl Dynamics {
-    pub fn new(
-        place: Place,
-        body: &'static Body,
-        coordinates: Range<usize>,
-        forces: [Option<(usize, usize)>; LEGS],
-    ) -> Self {
-        Self { place, body, coordinates, forces }
-    }
-
+impl<L: Layout> Dynamics<L> {
     /// The leg of one of the body's coordinates; none of the base's.
     fn leg(&self, coordinate: usize) -> Option<usize> {
         coordinate.checked_sub(6).map(|joint| self.body.legs[joint / 3])
@@ -52,19 +43,23 @@ impl Dynamics {
     }
 }
 
-impl Term for Dynamics {
+impl<L: Layout> Term for Dynamics<L> {
     fn bounds(&self, bounds: &mut Vec<[f64; 2]>) {
         bounds.resize(bounds.len() + self.coordinates.len(), EQUAL);
     }
 
     fn values(&self, at: &At, rows: &mut [f64]) {
         let tau = at.bodies.dynamics(self.place.index, self.body.index).tau;
-        for (row, i) in rows.iter_mut().zip(self.coordinates.clone()) {
-            *row = self.actuation(i).map_or(tau[i], |(column, sign)| tau[i] + sign * at.x[column]);
+        rows.copy_from_slice(&tau[self.coordinates.clone()]);
+        let (base, joints) = rows.split_at_mut(6_usize.saturating_sub(self.coordinates.start));
+        for (rows, first) in [(base, self.coordinates.start), (joints, self.coordinates.start.max(6))] {
+            if let Some((column, sign)) = self.actuation(first) {
+                rows.iter_mut().zip(&at.x[column..]).for_each(|(row, u)| *row += sign * u);
+            }
         }
     }
 
-    fn derivatives(&self, at: &At, rows: &mut Rows) {
+    fn derivatives(&self, at: &At, rows: &mut Rows<impl Sink>) {
         let d = at.bodies.dynamics(self.place.index, self.body.index);
         let forces = self
             .forces
@@ -72,14 +67,16 @@ impl Term for Dynamics {
         for (row, i) in self.coordinates.clone().enumerate() {
             // Two legs meet only in the base.
             let felt = match self.leg(i) {
-                Some(leg) => self.place.layout.joints_of[leg]..self.place.layout.joints_of[leg] + 3,
-                None => 6..self.place.layout.coordinates,
+                Some(leg) => L::JOINTS_OF[leg]..L::JOINTS_OF[leg] + 3,
+                None => 6..L::COORDINATES,
             };
-            for c in (0..6).chain(felt) {
-                let entry = d.tau.len() * c + i;
-                rows.put(row, self.place.q(c), d.dtau_dq[entry]);
-                rows.put(row, self.place.v(c), d.dtau_dv[entry]);
-                rows.put(row, self.place.a(c), d.mass_matrix[entry]);
+            for columns in [0..6, felt] {
+                for c in columns {
+                    let entry = L::COORDINATES * c + i;
+                    rows.put(row, self.place.q(c), d.dtau_dq[entry]);
+                    rows.put(row, self.place.v(c), d.dtau_dv[entry]);
+                    rows.put(row, self.place.a(c), d.mass_matrix[entry]);
+                }
             }
             for (leg, first, jacobian) in forces.iter().flatten() {
                 if self.leg(i).is_none_or(|own| own == *leg) {

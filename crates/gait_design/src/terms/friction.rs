@@ -1,24 +1,19 @@
 //! The friction pyramid inside the cone: μ/√2 λ_z ∓ λ_along ≥ 0 along two axes that turn with the planar motion, at the
 //! pace of the T asked for. So the rows are linear, and the pyramid is the same in every stride.
 
-use super::{At, NOT_NEGATIVE, Names, Place, Rows, Term};
+use super::{At, Layout, NOT_NEGATIVE, Names, Place, Rows, Sink, Term};
 use nalgebra::{Matrix2, Vector2};
 
 /// At a point; rows are the four faces of a stance toe, N.
-pub(crate) struct Friction {
-    place: Place,
-    leg: usize,
+pub(crate) struct Friction<L> {
+    pub place: Place<L>,
+    pub leg: usize,
     /// Where the toe's force begins.
-    force: usize,
-    face: f64,
+    pub force: usize,
+    /// [`face`] of the friction coefficient.
+    pub face: f64,
     /// The pyramid's axes in the world, as columns.
-    axes: Matrix2<f64>,
-}
-
-impl Friction {
-    pub fn new(place: Place, (leg, force): (usize, usize), friction: f64, axes: Matrix2<f64>) -> Self {
-        Self { place, leg, force, face: face(friction), axes }
-    }
+    pub axes: Matrix2<f64>,
 }
 
 /// μ/√2: the pyramid inside the cone.
@@ -26,7 +21,7 @@ pub(crate) fn face(friction: f64) -> f64 {
     friction / std::f64::consts::SQRT_2
 }
 
-impl Term for Friction {
+impl<L: Layout> Term for Friction<L> {
     fn bounds(&self, bounds: &mut Vec<[f64; 2]>) {
         bounds.extend([NOT_NEGATIVE; 4]);
     }
@@ -40,7 +35,7 @@ impl Term for Friction {
         }
     }
 
-    fn derivatives(&self, _: &At, rows: &mut Rows) {
+    fn derivatives(&self, _: &At, rows: &mut Rows<impl Sink>) {
         for axis in 0..2 {
             for (side, sign) in [-1.0, 1.0].into_iter().enumerate() {
                 let row = 2 * axis + side;

@@ -9,17 +9,28 @@ pub(crate) struct Names {
     legs: [String; LEGS],
     /// Legs whose joints a program's coordinates are, in their order.
     order: &'static [usize],
+    /// Whether rows are told apart that differ by an axis or by a rate only.
+    pub apart: bool,
 }
 
 impl Names {
     /// Of the whole robot's coordinates.
     pub fn of(robot: &Robot) -> Self {
-        Self::of_legs(robot, &[0, 1, 2, 3])
+        Self {
+            legs: std::array::from_fn(|leg| robot.legs[leg].name.replace('_', " ")),
+            order: &[0, 1, 2, 3],
+            apart: false,
+        }
     }
 
-    /// Of a program's coordinates that are the joints of these legs.
+    /// Of coordinates that are the joints of some legs; rows that differ by an axis or by a rate only are told apart.
     pub fn of_legs(robot: &Robot, order: &'static [usize]) -> Self {
-        Self { legs: std::array::from_fn(|leg| robot.legs[leg].name.replace('_', " ")), order }
+        Self { order, apart: true, ..Self::of(robot) }
+    }
+
+    /// ", x", where rows are told apart by their axes.
+    pub fn axis(&self, axis: usize) -> &'static str {
+        if self.apart { [", x", ", y", ", z"][axis] } else { "" }
     }
 
     /// A joint of a leg.

@@ -1,21 +1,21 @@
 //! Joints on their polynomials (paper II-A): y ≡ 0, as T² θ̈ − B̈(s) = 0 at every point, and y = 0, T ẏ = 0 where a
 //! domain begins.
 
-use super::{At, COEFFICIENTS, EQUAL, FREE, Names, Place, Rows, Term};
+use super::{At, COEFFICIENTS, EQUAL, FREE, Layout, Names, Place, Rows, Sink, Term};
 use crate::limits::keeps_stance_roll;
 use gait::{Coefficients, JOINTS, bezier};
 
 /// At a point; rows are joints, rad.
-pub(crate) struct Prescribed {
-    place: Place,
+pub(crate) struct Prescribed<L> {
+    place: Place<L>,
     /// Joints whose rows are left out here: the fixed distances of the stance toes say the same.
     free: [bool; JOINTS],
     basis: Coefficients,
 }
 
-impl Prescribed {
+impl<L: Layout> Prescribed<L> {
     /// `redundant_joints` are free at most points.
-    pub fn new(place: Place, redundant_joints: &[usize]) -> Self {
+    pub fn new(place: Place<L>, redundant_joints: &[usize]) -> Self {
         let mut free = [false; JOINTS];
         if !keeps_stance_roll(place.point, place.points) {
             redundant_joints.iter().for_each(|&j| free[j] = true);
@@ -24,22 +24,23 @@ impl Prescribed {
     }
 }
 
-impl Term for Prescribed {
+impl<L: Layout> Term for Prescribed<L> {
     fn bounds(&self, bounds: &mut Vec<[f64; 2]>) {
-        bounds.extend((0..self.place.joints()).map(|j| if self.free[j] { FREE } else { EQUAL }));
+        bounds.extend((0..L::JOINTS).map(|j| if self.free[j] { FREE } else { EQUAL }));
     }
 
     fn values(&self, at: &At, rows: &mut [f64]) {
         let t = at.t() * self.place.share;
-        for (j, row) in rows.iter_mut().enumerate() {
-            let polynomial = self.place.polynomial(at.x, j, &self.basis);
-            *row = t * t * at.x[self.place.a(6 + j)] - polynomial;
+        let accelerations = &at.x[self.place.a(6)..];
+        for ((row, a), polynomial) in rows.iter_mut().zip(accelerations).zip(self.place.polynomials(at.x, &self.basis))
+        {
+            *row = t * t * a - polynomial;
         }
     }
 
-    fn derivatives(&self, at: &At, rows: &mut Rows) {
+    fn derivatives(&self, at: &At, rows: &mut Rows<impl Sink>) {
         let (share, t) = (self.place.share, at.t() * self.place.share);
-        for j in 0..self.place.joints() {
+        for j in 0..L::JOINTS {
             let acceleration = self.place.a(6 + j);
             rows.put(j, acceleration, t * t);
             rows.put(j, at.t_column, 2.0 * t * at.x[acceleration] * share);
@@ -55,33 +56,34 @@ impl Term for Prescribed {
 }
 
 /// Where a domain begins: y and then T ẏ of every joint, rad.
-pub(crate) struct Begins {
-    place: Place,
+pub(crate) struct Begins<L> {
+    place: Place<L>,
     value: Coefficients,
     slope: Coefficients,
 }
 
-impl Begins {
-    pub fn new(place: Place) -> Self {
+impl<L: Layout> Begins<L> {
+    pub fn new(place: Place<L>) -> Self {
         Self { place, value: bezier::basis(0.0), slope: bezier::basis_first_derivative(0.0) }
     }
 }
 
-impl Term for Begins {
+impl<L: Layout> Term for Begins<L> {
     fn bounds(&self, bounds: &mut Vec<[f64; 2]>) {
-        bounds.resize(bounds.len() + 2 * self.place.joints(), EQUAL);
+        bounds.resize(bounds.len() + 2 * L::JOINTS, EQUAL);
     }
 
     fn values(&self, at: &At, rows: &mut [f64]) {
-        let (t, joints) = (at.t() * self.place.share, self.place.joints());
+        let (t, joints) = (at.t() * self.place.share, L::JOINTS);
+        let [value, slope] = [&self.value, &self.slope].map(|basis| self.place.polynomials(at.x, basis));
         for j in 0..joints {
-            rows[j] = at.x[self.place.q(6 + j)] - self.place.polynomial(at.x, j, &self.value);
-            rows[joints + j] = t * at.x[self.place.v(6 + j)] - self.place.polynomial(at.x, j, &self.slope);
+            rows[j] = at.x[self.place.q(6 + j)] - value[j];
+            rows[joints + j] = t * at.x[self.place.v(6 + j)] - slope[j];
         }
     }
 
-    fn derivatives(&self, at: &At, rows: &mut Rows) {
-        let (share, joints) = (self.place.share, self.place.joints());
+    fn derivatives(&self, at: &At, rows: &mut Rows<impl Sink>) {
+        let (share, joints) = (self.place.share, L::JOINTS);
         let t = at.t() * share;
         for j in 0..joints {
             rows.put(j, self.place.q(6 + j), 1.0);
@@ -95,6 +97,8 @@ impl Term for Begins {
     }
 
     fn name(&self, row: usize, names: &Names) -> String {
-        format!("{} starts on its polynomial{}", names.joint(row % self.place.joints()), self.place.step)
+        let joints = L::JOINTS;
+        let on = if names.apart && row >= joints { "with its polynomial's velocity" } else { "on its polynomial" };
+        format!("{} starts {on}{}", names.joint(row % joints), self.place.step)
     }
 }

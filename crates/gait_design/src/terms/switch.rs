@@ -5,54 +5,26 @@
 //!
 //! Everything else repeats, for rates of Euler angles do not feel yaw.
 
-use super::{At, EQUAL, Names, Place, Rows, Term};
+use super::{At, EQUAL, Layout, Names, Place, Rows, Sink, Term};
 use crate::planar::PlanarMotion;
 use robot::Mirror;
 
 const YAW: usize = 5;
 
-/// How a domain's end meets the next one's beginning.
-pub(crate) enum Link {
-    /// They are one.
-    Joined,
-    /// The next is the mirror image, by so many durations of T ahead.
-    Mirrored { mirror: Mirror, motion: PlanarMotion, duration: f64 },
-    /// The next is moved for so many durations of T.
-    Moved { motion: PlanarMotion, duration: f64 },
-}
-
 /// Rows are q and then q̇.
-pub(crate) struct Switch {
-    end: Place,
-    next: Place,
-    link: Link,
+pub(crate) struct Switch<L> {
+    pub end: Place<L>,
+    pub next: Place<L>,
+    /// Where the end is the mirror image of the next point.
+    pub mirror: Option<Mirror>,
+    /// Where the end is the next point moved: how, and for how many durations of T.
+    pub moved: Option<(PlanarMotion, f64)>,
 }
 
-impl Switch {
-    pub fn new(end: Place, next: Place, link: Link) -> Self {
-        Self { end, next, link }
-    }
-
-    fn coordinates(&self) -> usize {
-        self.end.layout.coordinates
-    }
-
+impl<L: Layout> Switch<L> {
     /// Which coordinate of the next point coordinate `i` of the end is, and with which sign.
     fn source(&self, i: usize) -> (usize, f64) {
-        match &self.link {
-            Link::Mirrored { mirror, .. } => (self.end.layout.mirrored)(mirror, i),
-            Link::Joined | Link::Moved { .. } => (i, 1.0),
-        }
-    }
-
-    /// The planar motion and the time that it has, where there is one.
-    fn moved(&self, at: &At) -> Option<(PlanarMotion, f64, f64)> {
-        match &self.link {
-            Link::Joined => None,
-            Link::Mirrored { motion, duration, .. } | Link::Moved { motion, duration } => {
-                Some((*motion, at.t() * duration, *duration))
-            }
-        }
+        self.mirror.map_or((i, 1.0), |mirror| L::MIRRORED(&mirror, i))
     }
 }
 
@@ -61,19 +33,20 @@ fn planar(x: &[f64], start: usize) -> nalgebra::Vector2<f64> {
     nalgebra::Vector2::new(x[start], x[start + 1])
 }
 
-impl Term for Switch {
+impl<L: Layout> Term for Switch<L> {
     fn bounds(&self, bounds: &mut Vec<[f64; 2]>) {
-        bounds.resize(bounds.len() + 2 * self.coordinates(), EQUAL);
+        bounds.resize(bounds.len() + 2 * L::COORDINATES, EQUAL);
     }
 
     fn values(&self, at: &At, rows: &mut [f64]) {
-        let (n, end, next) = (self.coordinates(), &self.end, &self.next);
+        let (n, end, next) = (L::COORDINATES, &self.end, &self.next);
         for i in 0..n {
             let (from, sign) = self.source(i);
             rows[i] = at.x[end.q(i)] - sign * at.x[next.q(from)];
             rows[n + i] = sign * at.x[next.v(from)] - at.x[end.v(i)];
         }
-        let Some((motion, t, _)) = self.moved(at) else { return };
+        let Some((motion, duration)) = self.moved else { return };
+        let t = at.t() * duration;
         if motion.yaw_rate_rad_s != 0.0 {
             let turned = motion.rotation(t);
             let (q, v) = (turned * planar(at.x, next.q(0)), turned * planar(at.x, next.v(0)));
@@ -88,9 +61,9 @@ impl Term for Switch {
         rows[YAW] -= motion.yaw_rad(t);
     }
 
-    fn derivatives(&self, at: &At, rows: &mut Rows) {
-        let (n, end, next) = (self.coordinates(), &self.end, &self.next);
-        let moved = self.moved(at);
+    fn derivatives(&self, at: &At, rows: &mut Rows<impl Sink>) {
+        let (n, end, next) = (L::COORDINATES, &self.end, &self.next);
+        let moved = self.moved.map(|(motion, duration)| (motion, at.t() * duration, duration));
         let turned = moved.filter(|(motion, ..)| motion.yaw_rate_rad_s != 0.0).map(|(motion, t, _)| motion.rotation(t));
         for i in 0..n {
             rows.put(i, end.q(i), 1.0);
@@ -122,11 +95,11 @@ impl Term for Switch {
     }
 
     fn is_tie(&self) -> bool {
-        !matches!(self.link, Link::Joined)
+        self.moved.is_some()
     }
 
     fn name(&self, row: usize, names: &Names) -> String {
-        let what = if row < self.coordinates() { "" } else { "the velocity of " };
-        format!("periodicity of {what}{}{}", names.coordinate(row % self.coordinates()), self.end.step)
+        let what = if row < L::COORDINATES { "" } else { "the velocity of " };
+        format!("periodicity of {what}{}{}", names.coordinate(row % L::COORDINATES), self.end.step)
     }
 }

@@ -1,22 +1,16 @@
 //! A swing toe lands at rest: a soft touchdown, which has no impulse.
 
-use super::{At, EQUAL, Names, Place, Rows, Term};
+use super::{At, EQUAL, Layout, Names, Place, Rows, Sink, Term};
 use std::ops::Range;
 
 /// Where a domain ends; rows are components of a landing toe's velocity, m/s.
-pub(crate) struct SoftTouchdown {
-    place: Place,
-    leg: usize,
-    axes: Range<usize>,
+pub(crate) struct SoftTouchdown<L> {
+    pub place: Place<L>,
+    pub leg: usize,
+    pub axes: Range<usize>,
 }
 
-impl SoftTouchdown {
-    pub fn new(place: Place, leg: usize, axes: Range<usize>) -> Self {
-        Self { place, leg, axes }
-    }
-}
-
-impl Term for SoftTouchdown {
+impl<L: Layout> Term for SoftTouchdown<L> {
     fn bounds(&self, bounds: &mut Vec<[f64; 2]>) {
         bounds.resize(bounds.len() + self.axes.len(), EQUAL);
     }
@@ -26,7 +20,7 @@ impl Term for SoftTouchdown {
         rows.copy_from_slice(&velocity.as_slice()[self.axes.clone()]);
     }
 
-    fn derivatives(&self, at: &At, rows: &mut Rows) {
+    fn derivatives(&self, at: &At, rows: &mut Rows<impl Sink>) {
         let toe = at.bodies.toe(self.place.index, self.leg);
         for (row, axis) in self.axes.clone().enumerate() {
             for c in self.place.coordinates_of(self.leg) {
@@ -44,7 +38,7 @@ impl Term for SoftTouchdown {
         true
     }
 
-    fn name(&self, _: usize, names: &Names) -> String {
-        format!("soft touchdown of {}{}", names.toe(self.leg), self.place.step)
+    fn name(&self, row: usize, names: &Names) -> String {
+        format!("soft touchdown of {}{}{}", names.toe(self.leg), names.axis(self.axes.start + row), self.place.step)
     }
 }

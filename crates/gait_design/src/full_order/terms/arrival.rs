@@ -7,9 +7,9 @@
 
 use super::Asked;
 use crate::full_order::goal::{Part, parts, what};
-use crate::full_order::schedule::Domain;
+use crate::full_order::schedule::{Domain, Place};
 use crate::full_order::state::State;
-use crate::terms::{At, EQUAL, Names, Place, Rows, Term};
+use crate::terms::{At, EQUAL, Names, Rows, Sink, Term};
 use nalgebra::Vector2;
 
 /// At a schedule's end; rows in the order of their parts, m, rad, m/s, rad/s.
@@ -56,7 +56,7 @@ impl Term for Arrival {
         }
     }
 
-    fn derivatives(&self, at: &At, rows: &mut Rows) {
+    fn derivatives(&self, at: &At, rows: &mut Rows<impl Sink>) {
         let place = &self.place;
         for (row, part) in parts(&self.last.stance, &self.last.swing).enumerate() {
             match part {

@@ -6,9 +6,9 @@
 //!
 //! So the mirror image of a stride is the stride of the mirrored request.
 
-use crate::full_order::schedule::Schedule;
+use crate::full_order::schedule::{Place, Schedule};
 use crate::planar::PlanarMotion;
-use crate::terms::{At, EQUAL, Names, Place, Rows, Term};
+use crate::terms::{At, EQUAL, Names, Rows, Sink, Term};
 
 const YAW: usize = 5;
 
@@ -50,7 +50,7 @@ impl Term for Centred {
         rows[2] = first[YAW] + (middle[YAW] - self.motion.yaw_rad(self.half_s(at)));
     }
 
-    fn derivatives(&self, at: &At, rows: &mut Rows) {
+    fn derivatives(&self, at: &At, rows: &mut Rows<impl Sink>) {
         let [first, middle] = [self.first, self.middle].map(|place| place.q(0));
         let half_s = self.half_s(at);
         let turned = self.motion.rotation(half_s);

@@ -1,8 +1,8 @@
 //! Where legs land: x and y of each toe that newly stands, about its foothold.
 
-use crate::full_order::schedule::Foothold;
+use crate::full_order::schedule::{Foothold, Place};
 use crate::limits::Limits;
-use crate::terms::{At, Names, Place, Rows, Term};
+use crate::terms::{At, Names, Rows, Sink, Term};
 
 /// Where a domain begins; rows are x and y of each toe, m.
 pub(super) struct Footholds {
@@ -30,7 +30,7 @@ impl Term for Footholds {
         }
     }
 
-    fn derivatives(&self, at: &At, rows: &mut Rows) {
+    fn derivatives(&self, at: &At, rows: &mut Rows<impl Sink>) {
         for (k, foothold) in self.footholds.iter().enumerate() {
             let jacobian = at.bodies.toe(self.place.index, foothold.leg).jacobian;
             for axis in 0..2 {

@@ -1,7 +1,7 @@
 //! The tracking law (paper IV) about polynomials B that are the reference: u = kp (B − q) + kd (Ḃ − q̇), times T / kp.
 
-use crate::full_order::schedule::at;
-use crate::terms::{At, COEFFICIENTS, EQUAL, Names, Place, Rows, Term};
+use crate::full_order::schedule::{Place, at};
+use crate::terms::{At, COEFFICIENTS, EQUAL, Names, Rows, Sink, Term};
 use gait::{Coefficients, JOINTS, bezier};
 use robot::Robot;
 
@@ -30,14 +30,9 @@ impl TrackingLaw {
         (self.kp_nm_per_rad[joint % 3], self.kd_nm_s_per_rad[joint % 3])
     }
 
-    /// Column of a joint's torque.
-    fn torque(&self, joint: usize) -> usize {
-        self.place.column + at::U + joint
-    }
-
-    /// A joint's u, q, q̇.
-    fn joint(&self, at: &At, joint: usize) -> (f64, f64, f64) {
-        (at.x[self.torque(joint)], at.x[self.place.q(6 + joint)], at.x[self.place.v(6 + joint)])
+    /// Columns of a joint's u, q, q̇.
+    fn columns(&self, joint: usize) -> [usize; 3] {
+        [self.place.column + at::U + joint, self.place.q(6 + joint), self.place.v(6 + joint)]
     }
 }
 
@@ -48,22 +43,23 @@ impl Term for TrackingLaw {
 
     fn values(&self, at: &At, rows: &mut [f64]) {
         let t = at.t() * self.place.share;
+        let [value, slope] = [&self.value, &self.slope].map(|basis| self.place.polynomials(at.x, basis));
         for j in 0..JOINTS {
-            let ((kp, kd), (u, q, v)) = (self.gains(j), self.joint(at, j));
-            let [value, slope] = [&self.value, &self.slope].map(|basis| self.place.polynomial(at.x, j, basis));
-            rows[j] = t * (u / kp - value + q) - kd / kp * (slope - t * v);
+            let ((kp, kd), [u, q, v]) = (self.gains(j), self.columns(j).map(|column| at.x[column]));
+            rows[j] = t * (u / kp - value[j] + q) - kd / kp * (slope[j] - t * v);
         }
     }
 
-    fn derivatives(&self, at: &At, rows: &mut Rows) {
+    fn derivatives(&self, at: &At, rows: &mut Rows<impl Sink>) {
         let (share, t) = (self.place.share, at.t() * self.place.share);
+        let value = self.place.polynomials(at.x, &self.value);
         for j in 0..JOINTS {
-            let ((kp, kd), (u, q, v)) = (self.gains(j), self.joint(at, j));
-            let value = self.place.polynomial(at.x, j, &self.value);
-            rows.put(j, self.torque(j), t / kp);
-            rows.put(j, self.place.q(6 + j), t);
-            rows.put(j, self.place.v(6 + j), kd / kp * t);
-            rows.put(j, at.t_column, (u / kp - value + q + kd / kp * v) * share);
+            let ((kp, kd), columns) = (self.gains(j), self.columns(j));
+            let [u, q, v] = columns.map(|column| at.x[column]);
+            for (column, value) in columns.into_iter().zip([t / kp, t, kd / kp * t]) {
+                rows.put(j, column, value);
+            }
+            rows.put(j, at.t_column, (u / kp - value[j] + q + kd / kp * v) * share);
             for k in 0..COEFFICIENTS {
                 rows.put(j, self.place.alpha(k, j), -t * self.value[k] - kd / kp * self.slope[k]);
             }
