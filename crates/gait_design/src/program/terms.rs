@@ -128,14 +128,9 @@ mod tests {
         program.evaluate(&x, &mut Evaluation::new(&program));
         program.terms.check(&program.at(&x), &program.names);
         for (row, name) in [
-            (rows::FRONT, "front biped's dynamics, base x, point 1 of 11"),
-            (rows::COUNT + rows::OUTPUT + 3, "front right hip roll on its polynomial, point 2 of 11"),
             (rows::TOE_1 + 2, "rear left toe at rest, z, point 1 of 11"),
-            (rows::FRICTION + 4, "friction of the front right toe, point 1 of 11"),
-            (rows::REAR_TORQUE + 5, "dynamics of rear right knee, point 1 of 11"),
             (rows::first(11) + 6, "front left hip roll starts with its polynomial's velocity"),
             (rows::first(11) + rows::FLOOR_1, "rear left toe on the floor"),
-            (rows::boundary(11) + 12, "periodicity of the velocity of base x"),
             (rows::boundary(11) + rows::TOUCHDOWN_0 + 1, "soft touchdown of the front left toe, y"),
             (rows::boundary(11) + rows::TOUCHDOWN_3, "soft touchdown of the rear right toe, z"),
         ] {
