@@ -1,73 +1,35 @@
 //! The two bipeds of the decomposition at one instant of the step: everything a point of the program needs, in the
 //! front biped's coordinates (q_r = A q_f, Ma & Ames 2020, II-C).
 
+use crate::terms::{Bodies, InverseDynamics, Toe, ToeMotion};
 use decomposition::{Pairing, Side};
 use nalgebra::{SMatrix, SVector, Vector3};
 use rigid_body::{Data, FrameId, Model};
 use robot::{Robot, RobotError};
 
 /// Legs of the front biped.
-const FRONT: [usize; 2] = [0, 2];
+pub(crate) const FRONT: [usize; 2] = [0, 2];
 /// Legs of the rear biped.
-const REAR: [usize; 2] = [1, 3];
-/// The front biped's swing leg in the first step; leg 2 stands.
+pub(crate) const REAR: [usize; 2] = [1, 3];
+/// Each biped's legs in the first step: one swings, one stands.
 pub(crate) const FRONT_SWING: usize = 0;
-/// The rear biped's swing leg in the first step; leg 1 stands.
+pub(crate) const FRONT_STANCE: usize = 2;
 pub(crate) const REAR_SWING: usize = 3;
+pub(crate) const REAR_STANCE: usize = 1;
 const DOF: usize = 12;
 
-/// A toe's motion with its derivatives by the front biped's coordinates.
-#[derive(Clone, Debug)]
-pub(crate) struct BipedToe {
-    pub position: Vector3<f64>,
-    pub velocity: Vector3<f64>,
-    pub acceleration: Vector3<f64>,
-    pub jacobian: SMatrix<f64, 3, DOF>,
-    pub dvelocity_dq: SMatrix<f64, 3, DOF>,
-    pub dacceleration_dq: SMatrix<f64, 3, DOF>,
-    pub dacceleration_dv: SMatrix<f64, 3, DOF>,
-}
-
-impl Default for BipedToe {
-    fn default() -> Self {
-        Self {
-            position: Vector3::zeros(),
-            velocity: Vector3::zeros(),
-            acceleration: Vector3::zeros(),
-            jacobian: SMatrix::zeros(),
-            dvelocity_dq: SMatrix::zeros(),
-            dacceleration_dq: SMatrix::zeros(),
-            dacceleration_dv: SMatrix::zeros(),
-        }
-    }
-}
-
 /// One biped: its inverse dynamics, rows in its own coordinates, derivatives by the front biped's.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Default)]
 pub(crate) struct BipedDynamics {
     /// D q̈ + H − Jᵀ λ of its own stance toe.
     pub tau: SVector<f64, DOF>,
     pub dtau_dq: SMatrix<f64, DOF, DOF>,
     pub dtau_dv: SMatrix<f64, DOF, DOF>,
     pub mass_matrix: SMatrix<f64, DOF, DOF>,
-    pub stance: BipedToe,
+    pub stance: ToeMotion<DOF>,
     /// The stance toe's Jacobian by the biped's own coordinates: its transpose maps the ground force into `tau`.
     pub stance_jacobian_own: SMatrix<f64, 3, DOF>,
-    pub swing: BipedToe,
-}
-
-impl Default for BipedDynamics {
-    fn default() -> Self {
-        Self {
-            tau: SVector::zeros(),
-            dtau_dq: SMatrix::zeros(),
-            dtau_dv: SMatrix::zeros(),
-            mass_matrix: SMatrix::zeros(),
-            stance: BipedToe::default(),
-            stance_jacobian_own: SMatrix::zeros(),
-            swing: BipedToe::default(),
-        }
-    }
+    pub swing: ToeMotion<DOF>,
 }
 
 /// Both bipeds at one instant.
@@ -75,6 +37,29 @@ impl Default for BipedDynamics {
 pub(crate) struct PointDynamics {
     pub front: BipedDynamics,
     pub rear: BipedDynamics,
+}
+
+impl Bodies for Vec<PointDynamics> {
+    fn toe(&self, point: usize, leg: usize) -> Toe<'_> {
+        let PointDynamics { front, rear } = &self[point];
+        [&front.swing, &rear.stance, &front.stance, &rear.swing][leg].view()
+    }
+
+    /// The front biped's is 0, the rear one's 1.
+    fn dynamics(&self, point: usize, body: usize) -> InverseDynamics<'_> {
+        let biped = [&self[point].front, &self[point].rear][body];
+        InverseDynamics {
+            tau: biped.tau.as_slice(),
+            dtau_dq: biped.dtau_dq.as_slice(),
+            dtau_dv: biped.dtau_dv.as_slice(),
+            mass_matrix: biped.mass_matrix.as_slice(),
+        }
+    }
+
+    fn force_jacobian(&self, point: usize, leg: usize) -> &[[f64; 3]] {
+        let biped = if leg == FRONT_STANCE { &self[point].front } else { &self[point].rear };
+        &biped.stance_jacobian_own.data.0
+    }
 }
 
 struct Biped {
@@ -116,14 +101,6 @@ impl BipedPair {
             total_mass_kg: robot.model.total_mass(),
             with_derivatives: true,
         })
-    }
-
-    pub(crate) fn front_legs(&self) -> [usize; 2] {
-        FRONT
-    }
-
-    pub(crate) fn rear_legs(&self) -> [usize; 2] {
-        REAR
     }
 
     pub(crate) fn total_mass_kg(&self) -> f64 {

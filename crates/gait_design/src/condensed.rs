@@ -108,7 +108,7 @@ impl<const K: usize, const N: usize> Default for Motion<K, [f64; N]> {
 }
 
 /// Forces and torques of one point in terms of the free inputs.
-#[derive(Clone)]
+#[derive(Clone, Default)]
 struct PointForces {
     lambda_1: [Reduced; 3],
     lambda_2: [Reduced; 3],
@@ -118,20 +118,6 @@ struct PointForces {
     direction: Vector3<f64>,
     front_internal: [f64; 6],
     rear_internal: [f64; 6],
-}
-
-impl Default for PointForces {
-    fn default() -> Self {
-        Self {
-            lambda_1: [[0.0; WIDTH]; 3],
-            lambda_2: [[0.0; WIDTH]; 3],
-            front_torque: [[0.0; WIDTH]; 6],
-            rear_torque: [[0.0; WIDTH]; 6],
-            direction: Vector3::zeros(),
-            front_internal: [0.0; 6],
-            rear_internal: [0.0; 6],
-        }
-    }
 }
 
 /// The structured solver of the subproblems of a [`DecomposedProgram`]. Kept from one to the next, it saves the memory's
@@ -250,15 +236,15 @@ impl Condensed {
             }
         }
         let slope = bezier::basis_first_derivative(0.0);
-        let start = program.start_of_first();
+        let start = rows::first(program.points());
         let first = &mut self.outputs[0];
         for i in prescribed() {
             first.q[i][0] = 1.0;
-            first.q[i][CONSTANT] = -g[start + i];
+            first.q[i][CONSTANT] = -g[start + rows::BEGINS + i];
             first.v[i][0] = slope[0] / t;
             first.v[i][1] = slope[1] / t;
             first.v[i][T] = -x[at::point(0) + at::V + 6 + i] / t;
-            first.v[i][CONSTANT] = -g[start + 6 + i] / t;
+            first.v[i][CONSTANT] = -g[start + rows::BEGINS + OUTPUTS + i] / t;
         }
         let mut duration = [0.0; COEFFICIENTS + 2];
         duration[T] = 1.0;
@@ -295,7 +281,7 @@ impl Condensed {
     fn find_forces(&mut self, program: &DecomposedProgram, g: &[f64]) {
         self.forces.resize(self.unknown.len(), PointForces::default());
         for (point, (m, out)) in along(&self.unknown, &self.prescribed).zip(&mut self.forces).enumerate() {
-            let d = program.dynamics(point);
+            let d = &program.dynamics[point];
             let g = &g[rows::COUNT * point..rows::COUNT * (point + 1)];
             // Both bipeds' base rows: J_1bᵀ δλ1 + J_2bᵀ δλ2 = net, with J_b = [I K].
             let mut net: [Reduced; 6] = [[0.0; WIDTH]; 6];
@@ -401,16 +387,16 @@ impl Condensed {
         let mut constraint = |row: &Reduced, own: (usize, f64), i: usize| {
             push(row, own, g[i], bounds.constraint_lower[i], bounds.constraint_upper[i]);
         };
-        let stance_distance = program.start_of_first() + 14;
+        let stance_distance = rows::first(program.points()) + rows::TOE_DISTANCE;
         let mut distance = [0.0; WIDTH];
         let first = Along::new(&self.unknown[0], &self.prescribed[0]);
-        let (toe_2, toe_1) = (&program.dynamics(0).front.stance, &program.dynamics(0).rear.stance);
+        let (toe_2, toe_1) = (&program.dynamics[0].front.stance, &program.dynamics[0].rear.stance);
         for i in 0..DOF {
             let apart = toe_2.jacobian.column(i) - toe_1.jacobian.column(i);
             add(&mut distance, 2.0 * apart.dot(&(toe_2.position - toe_1.position)), first.q[i]);
         }
         constraint(&distance, NONE, stance_distance);
-        let face = program.friction_face();
+        let face = program.friction_face;
         for (index, (motion, forces)) in along(&self.unknown, &self.prescribed).zip(&self.forces).enumerate() {
             let r = rows::COUNT * index;
             for (toe, (lambda, sign)) in [(&forces.lambda_1, -1.0), (&forces.lambda_2, 1.0)].into_iter().enumerate() {
@@ -424,7 +410,7 @@ impl Condensed {
                     }
                 }
             }
-            let d = program.dynamics(index);
+            let d = &program.dynamics[index];
             for (k, toe) in [&d.front.swing, &d.rear.swing].into_iter().enumerate() {
                 let mut row = [0.0; WIDTH];
                 // Leg 3 follows leg 0.
@@ -521,7 +507,7 @@ impl Condensed {
                 p[at::U_REAR + i] = of(&forces.rear_torque[i]) + internal * forces.rear_internal[i];
             }
             // The front biped's base rows give the wrench.
-            let front = &program.dynamics(index).front;
+            let front = &program.dynamics[index].front;
             let mut out_of_balance: [f64; 6] = std::array::from_fn(|i| g[rows::COUNT * index + rows::FRONT + i]);
             for k in 0..DOF {
                 for (i, sum) in out_of_balance.iter_mut().enumerate() {

@@ -18,7 +18,6 @@ mod contact_plan;
 mod costs;
 mod footfalls;
 mod goal;
-mod names;
 mod order;
 mod plan;
 mod planning;
@@ -43,17 +42,17 @@ pub use transition::{Missed, Transition, TransitionError, TransitionOptions, Tra
 use crate::Reference;
 use crate::limits::{Limits, ProgramSettings};
 use crate::planar::PlanarMotion;
-use crate::program::{Places, ValuesSink, three};
+use crate::program::three;
 use crate::recompose::PlanPoint;
 use crate::request::GaitRequest;
+use crate::terms::{At, Names, Terms};
 use costs::Square;
-use names::Names;
 use nlp::{Bounds, Evaluation, Pattern, Problem};
 use point::Point;
 use rigid_body::Data;
 use robot::Robot;
 use schedule::{DOF, Schedule, at};
-use terms::{Asked, At, Terms};
+use terms::Asked;
 
 /// The full-order program of one request on one robot.
 pub struct FullOrderProgram {
@@ -96,11 +95,8 @@ impl FullOrderProgram {
     ) -> Self {
         let joints_prescribed = reference != Reference::InProgram;
         let (motion, nominal_t_s) = (PlanarMotion::of(request), request.step_duration_s);
-        let friction = request.friction;
-        let asked = Asked { robot, schedule: &schedule, limits, motion, nominal_t_s, friction, joints_prescribed };
-        let terms = Terms::of(&asked);
+        let terms = terms::of(&Asked { robot, schedule: &schedule, limits, request, joints_prescribed });
         let [variable_lower, variable_upper] = variables::bounds(robot, request, &schedule, limits, joints_prescribed);
-        let rows = terms.bounds();
         let mut cost = Vec::new();
         for place in schedule.places() {
             cost.extend(costs::base_velocity(place, motion, nominal_t_s));
@@ -112,29 +108,27 @@ impl FullOrderProgram {
             robot: robot.clone(),
             names: Names::of(robot),
             joints_prescribed,
-            terms,
             hessian: hessian(&cost),
             cost,
             data: Data::new(&robot.model),
-            points: vec![Point::new(); schedule.places().len()],
+            points: vec![Point::default(); schedule.places().len()],
             bounds: Bounds {
                 variable_lower,
                 variable_upper,
-                constraint_lower: rows.iter().map(|row| row[0]).collect(),
-                constraint_upper: rows.iter().map(|row| row[1]).collect(),
+                constraint_lower: terms.bounds(0).collect(),
+                constraint_upper: terms.bounds(1).collect(),
             },
             jacobian: Pattern::default(),
+            terms,
             schedule,
         };
         let x = vec![0.0; program.schedule.unknowns];
-        let mut places = Places(Vec::new());
-        program.terms.derivatives(&program.at(&x), &mut places);
-        program.jacobian = Pattern(places.0);
+        program.jacobian = program.terms.pattern(&program.at(&x));
         program
     }
 
     fn at<'a>(&'a self, x: &'a [f64]) -> At<'a> {
-        At { x, t_column: self.schedule.t(), points: &self.points }
+        At { x, t_column: self.schedule.t(), bodies: &self.points }
     }
 
     fn evaluate_points(&mut self, x: &[f64], derivatives: bool) {
@@ -202,8 +196,7 @@ impl Problem for FullOrderProgram {
     fn evaluate(&mut self, x: &[f64], evaluation: &mut Evaluation) {
         self.evaluate_points(x, true);
         self.terms.values(&self.at(x), &mut evaluation.constraints);
-        let mut sink = ValuesSink { values: &mut evaluation.jacobian, next: 0 };
-        self.terms.derivatives(&self.at(x), &mut sink);
+        self.terms.jacobian(&self.at(x), &mut evaluation.jacobian);
         evaluation.objective = self.objective(x);
         evaluation.gradient.fill(0.0);
         for (k, s) in self.cost.iter().enumerate() {

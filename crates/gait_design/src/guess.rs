@@ -1,7 +1,7 @@
 //! A start for the solver: the body glides at constant height and speed, stance toes stay where they are, swing toes
 //! follow a smooth arc; joints by inverse kinematics, fitted by Bézier polynomials.
 
-use crate::biped::{BipedPair, PointDynamics};
+use crate::biped::{BipedPair, FRONT_STANCE, FRONT_SWING, PointDynamics};
 use crate::program::{DOF, DecomposedProgram, layout as at};
 use crate::request::GaitRequest;
 use gait::bezier;
@@ -60,8 +60,8 @@ pub fn nominal(robot: &Robot, program: &mut DecomposedProgram, request: &GaitReq
     let t = request.step_duration_s;
     let length = request.speed_m_s * t;
     let phases: Vec<f64> = (0..points).map(|p| program.phase(p)).collect();
-    let bipeds = program.bipeds_mut();
-    let [swing_leg, stance_leg] = bipeds.front_legs();
+    let bipeds = &mut program.bipeds;
+    let (swing_leg, stance_leg) = (FRONT_SWING, FRONT_STANCE);
     let (swing_hip, stance_hip) = (bipeds.hip_x_m(swing_leg), bipeds.hip_x_m(stance_leg));
 
     let mut base = vec![[0.0; 6]; points];

@@ -30,6 +30,7 @@ mod refine;
 mod request;
 mod stability;
 mod stable;
+mod terms;
 mod tolerance;
 mod verification;
 

@@ -19,6 +19,11 @@ impl PlanarMotion {
         }
     }
 
+    /// Straight ahead.
+    pub fn straight(speed_m_s: f64) -> Self {
+        Self { velocity_m_s: Vector2::new(speed_m_s, 0.0), yaw_rate_rad_s: 0.0 }
+    }
+
     /// Whether it is straight ahead, which is a step and its mirror image.
     pub fn is_straight(&self) -> bool {
         self.velocity_m_s.y == 0.0 && self.yaw_rate_rad_s == 0.0

@@ -45,7 +45,7 @@ pub(crate) fn points(
         .map(|index| {
             let p = &x[at::point(index)..at::point(index + 1)];
             let front = |start: usize| -> [f64; DOF] { p[start..start + DOF].try_into().expect("twelve entries") };
-            let pairing = program.bipeds().pairing();
+            let pairing = program.bipeds.pairing();
             let q = pairing.recompose_position(&front(at::Q));
             let (v, a) = (pairing.recompose_rate(&front(at::V)), pairing.recompose_rate(&front(at::A)));
             let force = |start: usize| Vector3::from_column_slice(&p[start..start + 3]);
@@ -81,7 +81,7 @@ pub(crate) fn coefficients(program: &DecomposedProgram, x: &[f64]) -> [Coefficie
             front[6 + j] = x[at::alpha(k, j)];
         }
         // The basis sums to one, so an offset of the joint is one of each of them.
-        let all = program.bipeds().pairing().recompose_position(&front);
+        let all = program.bipeds.pairing().recompose_position(&front);
         for j in 0..JOINTS {
             coefficients_rad[j][k] = all[6 + j];
         }

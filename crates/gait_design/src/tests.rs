@@ -193,12 +193,7 @@ fn every_subproblem_solver_walks_the_same_path_to_the_same_optimum() {
     let robot = vision60();
     for name in behaviours() {
         let request = as_steps(name, &robot);
-        let mut program = DecomposedProgram::new(
-            &robot,
-            BipedPair::new(&robot, Pairing::diagonal(robot.mirror.sign)).unwrap(),
-            &request,
-            ProgramSettings::default(),
-        );
+        let mut program = program_of(&robot, &request, ProgramSettings::default()).unwrap();
         let start = guess::nominal(&robot, &mut program, &request).unwrap();
         let solver = SqpSolver::new(PlanOptions::default().solver).unwrap();
         let mut workspace = Workspace::default();

@@ -1,20 +1,14 @@
 //! Derivatives of programs against central differences.
 
 use crate::tests::{as_steps, noise, vision60};
-use crate::{BipedPair, DecomposedProgram, ProgramSettings, guess};
-use decomposition::Pairing;
+use crate::{ProgramSettings, guess, program_of};
 use nlp::{Evaluation, Problem};
 
 #[test]
 fn the_jacobian_agrees_with_central_differences_everywhere() {
     let robot = vision60();
     let request = as_steps("amble", &robot);
-    let mut program = DecomposedProgram::new(
-        &robot,
-        BipedPair::new(&robot, Pairing::diagonal(robot.mirror.sign)).unwrap(),
-        &request,
-        ProgramSettings::default(),
-    );
+    let mut program = program_of(&robot, &request, ProgramSettings::default()).unwrap();
     let mut x = guess::nominal(&robot, &mut program, &request).unwrap();
     let mut random = noise(7);
     for v in &mut x {

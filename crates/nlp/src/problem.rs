@@ -17,7 +17,7 @@ impl Pattern {
 }
 
 /// Lower and upper bounds of the variables and of the constraints; infinite where there is none, equal for an equality.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, Default, PartialEq)]
 pub struct Bounds {
     /// x_L.
     pub variable_lower: Vec<f64>,
@@ -51,7 +51,7 @@ pub trait Problem {
     /// Bounds; their lengths give the numbers of variables and constraints.
     fn bounds(&self) -> &Bounds;
 
-    /// Nonzeros of ∂g/∂x, each once.
+    /// Nonzeros of ∂g/∂x, each once. Asked for only where the Jacobian is.
     fn jacobian_pattern(&self) -> &Pattern;
 
     /// Nonzeros of the upper triangle (row ≤ column) of the Hessian approximation, each once.
@@ -64,7 +64,7 @@ pub trait Problem {
     /// to `at`. A solve asks once. A problem that writes its Jacobian only where it is asked to may find them without.
     fn steepest(&mut self, x: &[f64], at: &mut Evaluation) -> Vec<f64> {
         if !at.jacobian_wanted {
-            at.jacobian_wanted = true;
+            at.want_jacobian(self);
             self.evaluate(x, at);
         }
         let mut steepest = vec![0.0_f64; at.constraints.len()];
@@ -175,17 +175,23 @@ pub enum ProblemError {
 impl Evaluation {
     /// Room for a problem's values.
     pub fn new(problem: &impl Problem) -> Self {
-        let mut evaluation = Self { jacobian_wanted: true, ..Self::default() };
+        let mut evaluation = Self::default();
         evaluation.fit(problem);
+        evaluation.want_jacobian(problem);
         evaluation
     }
 
-    /// Makes room for a problem's values.
+    /// Asks for the Jacobian's values from the next evaluation on.
+    pub(crate) fn want_jacobian(&mut self, problem: &(impl Problem + ?Sized)) {
+        self.jacobian_wanted = true;
+        self.jacobian.resize(problem.jacobian_pattern().len(), 0.0);
+    }
+
+    /// Makes room for a problem's values but the Jacobian's.
     pub(crate) fn fit(&mut self, problem: &impl Problem) {
         let bounds = problem.bounds();
         self.gradient.resize(bounds.variable_lower.len(), 0.0);
         self.constraints.resize(bounds.constraint_lower.len(), 0.0);
-        self.jacobian.resize(problem.jacobian_pattern().len(), 0.0);
         self.hessian.resize(problem.hessian_pattern().len(), 0.0);
     }
 }
@@ -204,6 +210,17 @@ pub(crate) fn outside(value: f64, lower: f64, upper: f64) -> f64 {
     }
 }
 
+/// That the Jacobian's nonzeros are in the matrix.
+pub(crate) fn check_jacobian(problem: &impl Problem) -> Result<(), ProblemError> {
+    let (n, m) = (problem.bounds().variable_lower.len(), problem.bounds().constraint_lower.len());
+    let largest = |a: (usize, usize), b: &(usize, usize)| (a.0.max(b.0), a.1.max(b.1));
+    let (row, column) = problem.jacobian_pattern().0.iter().fold((0, 0), largest);
+    if !problem.jacobian_pattern().is_empty() && (row >= m || column >= n) {
+        return Err(ProblemError::Shape { what: "jacobian_pattern", found: row.max(column), expected: m.max(n) });
+    }
+    Ok(())
+}
+
 pub(crate) fn check(problem: &impl Problem, start: &[f64]) -> Result<(), ProblemError> {
     let b = problem.bounds();
     let (n, m) = (b.variable_lower.len(), b.constraint_lower.len());
@@ -215,11 +232,6 @@ pub(crate) fn check(problem: &impl Problem, start: &[f64]) -> Result<(), Problem
         if found != expected {
             return Err(ProblemError::Shape { what, found, expected });
         }
-    }
-    let largest = |a: (usize, usize), b: &(usize, usize)| (a.0.max(b.0), a.1.max(b.1));
-    let (row, column) = problem.jacobian_pattern().0.iter().fold((0, 0), largest);
-    if !problem.jacobian_pattern().is_empty() && (row >= m || column >= n) {
-        return Err(ProblemError::Shape { what: "jacobian_pattern", found: row.max(column), expected: m.max(n) });
     }
     for &(row, column) in &problem.hessian_pattern().0 {
         if row > column || column >= n {

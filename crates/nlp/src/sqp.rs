@@ -2,7 +2,7 @@
 //! (Nocedal & Wright, Numerical Optimization, 2nd ed., sections 18.3–18.5 and algorithm 18.3).
 
 use crate::problem::{
-    Evaluation, Multipliers, Problem, ProblemError, Step, Subproblem, SubproblemError, check, outside,
+    Evaluation, Multipliers, Problem, ProblemError, Step, Subproblem, SubproblemError, check, check_jacobian, outside,
 };
 use crate::qp::Qp;
 use std::ops::ControlFlow;
@@ -112,6 +112,7 @@ impl SqpSolver {
         progress: impl FnMut(&Iteration) -> ControlFlow<()>,
     ) -> Result<Solution, ProblemError> {
         check(problem, start)?;
+        check_jacobian(problem)?;
         let mut subproblem = Qp::new(problem, false, self.settings.objective_scale);
         self.solve_with(problem, &mut subproblem, start, &mut Workspace::default(), progress)
     }
@@ -134,9 +135,13 @@ impl SqpSolver {
         let (n, m) = (bounds.variable_lower.len(), bounds.constraint_lower.len());
         let mut x = start.to_vec();
         stay_within(&bounds, &mut x);
-        at.jacobian_wanted = subproblem.needs_jacobian();
+        (at.jacobian_wanted, next.jacobian_wanted) = (false, false);
+        if subproblem.needs_jacobian() {
+            check_jacobian(problem)?;
+            at.want_jacobian(problem);
+            next.want_jacobian(problem);
+        }
         problem.evaluate(&x, at);
-        next.jacobian_wanted = at.jacobian_wanted;
         let mut elastic: Option<Qp> = None;
         let mut elastic_price = 10.0_f64;
         // Without multipliers one price serves all constraints, each measured by the change of an unknown that mends it:
@@ -164,7 +169,7 @@ impl SqpSolver {
                 // which always has a solution, decides in both cases.
                 Err(SubproblemError::Infeasible | SubproblemError::Stopped(_)) => {
                     if !at.jacobian_wanted {
-                        at.jacobian_wanted = true;
+                        at.want_jacobian(problem);
                         problem.evaluate(&x, at);
                         if !is_finite(at) {
                             break Status::NumericalTrouble { reason: "a derivative is not a number".into() };
@@ -270,7 +275,7 @@ impl SqpSolver {
             }
             if !accepted {
                 let there = next.constraints.clone();
-                at.jacobian_wanted = true;
+                at.want_jacobian(problem);
                 problem.evaluate(&x, at);
                 let corrected = if relaxed {
                     None

@@ -2,8 +2,10 @@
 
 use super::*;
 
+/// The stance toes' heights, which come first; then the program's rows of both ends.
+const FLOORS: usize = 2;
 /// Rows that tie both ends of the step.
-const END_ROWS: usize = 30;
+const END_ROWS: usize = FLOORS + 28;
 /// An end row whose largest entry is below this, relative to where it began, repeats the others.
 const REPEATED: f64 = 1e-9;
 /// An end row: the inputs' coefficients, zeros that round the length up to vector registers, the constant.
@@ -30,36 +32,41 @@ impl Condensed {
         for (end, point) in ends.iter_mut().zip([0, last]) {
             self.write_end(program, x, point, end);
         }
-        let ([first, last], d0, d1) = (&ends, program.dynamics(0), program.dynamics(last));
+        let ([first, last], d0, d1) = (&ends, &program.dynamics[0], &program.dynamics[last]);
         let mut e = [[0.0; 48]; END_ROWS];
-        let start = program.start_of_first();
-        for (row, toe, residual) in [(0, &d0.front.stance, g[start + 12]), (1, &d0.rear.stance, g[start + 13])] {
+        let start = rows::first(program.points());
+        for (row, toe, residual) in
+            [(0, &d0.front.stance, g[start + rows::FLOOR_2]), (1, &d0.rear.stance, g[start + rows::FLOOR_1])]
+        {
             for i in 0..DOF {
                 add(&mut e[row], toe.jacobian[(2, i)], &first.q[i]);
             }
             e[row][CONSTANT] += residual;
         }
-        let start = program.start_of_boundary();
+        let start = rows::boundary(program.points());
         for i in 0..DOF {
             let (from, sign) = program.mirror(i);
-            let row = &mut e[2 + i];
+            let row = &mut e[FLOORS + rows::PERIODICITY + i];
             add(row, 1.0, &last.q[i]);
             add(row, -sign, &first.q[from]);
-            row[CONSTANT] += g[start + i];
-            let row = &mut e[14 + i];
+            row[CONSTANT] += g[start + rows::PERIODICITY + i];
+            let row = &mut e[FLOORS + rows::PERIODICITY + DOF + i];
             add(row, sign, &first.v[from]);
             add(row, -1.0, &last.v[i]);
-            row[CONSTANT] += g[start + 12 + i];
+            row[CONSTANT] += g[start + rows::PERIODICITY + DOF + i];
         }
-        e[2][STEP_DURATION] -= program.speed_m_s();
-        for (row, toe, axis) in
-            [(26, &d1.front.swing, 0), (27, &d1.front.swing, 1), (28, &d1.front.swing, 2), (29, &d1.rear.swing, 2)]
-        {
+        e[FLOORS + rows::PERIODICITY][STEP_DURATION] -= program.speed_m_s;
+        for (row, toe, axis) in [
+            (rows::TOUCHDOWN_0, &d1.front.swing, 0),
+            (rows::TOUCHDOWN_0 + 1, &d1.front.swing, 1),
+            (rows::TOUCHDOWN_0 + 2, &d1.front.swing, 2),
+            (rows::TOUCHDOWN_3, &d1.rear.swing, 2),
+        ] {
             for i in 0..DOF {
-                add(&mut e[row], toe.dvelocity_dq[(axis, i)], &last.q[i]);
-                add(&mut e[row], toe.jacobian[(axis, i)], &last.v[i]);
+                add(&mut e[FLOORS + row], toe.dvelocity_dq[(axis, i)], &last.q[i]);
+                add(&mut e[FLOORS + row], toe.jacobian[(axis, i)], &last.v[i]);
             }
-            e[row][CONSTANT] += g[start + row - 2];
+            e[FLOORS + row][CONSTANT] += g[start + row];
         }
 
         // Gauss with complete pivoting, then the pivots' inputs from the last back to the first.

@@ -31,7 +31,7 @@ pub(super) struct Interval<'a> {
 impl<'a> Interval<'a> {
     pub(super) fn new(program: &DecomposedProgram, x: &'a [f64], g: &'a [f64], interval: usize) -> Self {
         let per_t = 2.0 / (program.points() - 1) as f64;
-        let g = &g[program.start_of_intervals() + rows::INTERVAL * interval..];
+        let g = &g[rows::intervals(program.points()) + rows::INTERVAL * interval..];
         Self { x, g, first_point: 2 * interval, h: per_t * x[at::T], per_t }
     }
 
@@ -254,7 +254,7 @@ pub(super) fn turning(jacobian: &SMatrix<f64, 3, DOF>) -> Matrix3<f64> {
 
 #[inline(always)]
 pub(super) fn point_rows(program: &DecomposedProgram, point: usize, g: &[f64]) -> PointRows {
-    let d = program.dynamics(point);
+    let d = &program.dynamics[point];
     let g = &g[rows::COUNT * point..rows::COUNT * (point + 1)];
     let mut c = PointRows { q: [[0.0; DOF]; 7], v: [[0.0; DOF]; 7], a: [[0.0; DOF]; 7], residual: [0.0; 7] };
     for (first, toe, place) in [(0, &d.front.stance, rows::TOE_2), (3, &d.rear.stance, rows::TOE_1)] {
@@ -303,16 +303,16 @@ pub(super) fn stance_roll_coefficients(
 ) -> Result<[Reduced; COEFFICIENTS], SubproblemError> {
     let t = x[at::T];
     let coordinate = 6 + STANCE_ROLL;
-    let start = program.start_of_first();
+    let start = rows::first(program.points());
     let mut matrix = [[0.0; COEFFICIENTS]; COEFFICIENTS];
     let mut right = [[0.0; WIDTH]; COEFFICIENTS];
     matrix[0] = bezier::basis(0.0);
     right[0] = unknown[0].q[6];
-    right[0][FREE_MAX] += g[start + STANCE_ROLL];
+    right[0][FREE_MAX] += g[start + rows::BEGINS + STANCE_ROLL];
     matrix[1] = bezier::basis_first_derivative(0.0);
     right[1] = scaled(&unknown[0].v[6], t);
     add(&mut right[1], x[at::point(0) + at::V + coordinate], &inputs[STEP_DURATION]);
-    right[1][FREE_MAX] += g[start + 6 + STANCE_ROLL];
+    right[1][FREE_MAX] += g[start + rows::BEGINS + OUTPUTS + STANCE_ROLL];
     let kept = (0..program.points()).filter(|&p| keeps_stance_roll(p, program.points()));
     for (row, point) in (2..).zip(kept) {
         matrix[row] = bezier::basis_second_derivative(program.phase(point));

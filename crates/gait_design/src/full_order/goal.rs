@@ -1,6 +1,6 @@
 //! Which numbers say that a state is reached where a domain ends.
 
-use super::names::Names;
+use crate::terms::Names;
 
 /// One of them.
 #[derive(Clone, Copy, Debug, PartialEq)]

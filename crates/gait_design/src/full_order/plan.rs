@@ -75,11 +75,11 @@ pub(super) fn program_and_start(
         && request.is_decomposable()
         && steps == Steps::Mirrored
         && options.reference != Reference::InProgram;
-    let (settings, limits) = (&options.program, decomposed.limits());
+    let (settings, limits) = (&options.program, &decomposed.limits);
     let mut program =
         FullOrderProgram::new(&on_slope(robot, request), request, steps, settings, limits, options.reference);
     let mut start = match (offset, alike) {
-        (None, _) => start::of_four_legs(&program, decomposed.bipeds().hips_x_m(), level_robot, &moved)?,
+        (None, _) => start::of_four_legs(&program, decomposed.bipeds.hips_x_m(), level_robot, &moved)?,
         (_, true) => start::of_the_guess(&program, &mut decomposed, level_robot, &level)?,
         _ => start::of_the_plan(&program, &mut decomposed, planner, &level, options)?,
     };

@@ -2,53 +2,44 @@
 
 use super::schedule::{DOF, at};
 use crate::program::three;
+use crate::terms::{Bodies, InverseDynamics, Toe, ToeMotion};
+use gait::LEGS;
+use nalgebra::{SMatrix, SVector};
 use rigid_body::{Data, last_point_kinematics, last_point_kinematics_derivatives, rnea, rnea_derivatives};
 use robot::Robot;
 
-/// A toe's motion with its derivatives.
-#[derive(Clone)]
-pub(super) struct Toe {
-    pub position: nalgebra::Vector3<f64>,
-    pub velocity: nalgebra::Vector3<f64>,
-    pub acceleration: nalgebra::Vector3<f64>,
-    pub jacobian: nalgebra::Matrix3xX<f64>,
-    pub dvelocity_dq: nalgebra::Matrix3xX<f64>,
-    pub dacceleration_dq: nalgebra::Matrix3xX<f64>,
-    pub dacceleration_dv: nalgebra::Matrix3xX<f64>,
-}
-
 /// Inverse dynamics and toes for a point's q, q̇, q̈ and ground forces.
-#[derive(Clone)]
+#[derive(Clone, Default)]
 pub(super) struct Point {
     /// D q̈ + H − Jᵀ λ.
-    pub tau: nalgebra::DVector<f64>,
-    pub dtau_dq: nalgebra::DMatrix<f64>,
-    pub dtau_dv: nalgebra::DMatrix<f64>,
-    pub mass: nalgebra::DMatrix<f64>,
-    pub toes: [Toe; 4],
+    tau: SVector<f64, DOF>,
+    dtau_dq: SMatrix<f64, DOF, DOF>,
+    dtau_dv: SMatrix<f64, DOF, DOF>,
+    mass_matrix: SMatrix<f64, DOF, DOF>,
+    toes: [ToeMotion<DOF>; LEGS],
 }
 
-impl Point {
-    pub fn new() -> Self {
-        let toe = Toe {
-            position: nalgebra::Vector3::zeros(),
-            velocity: nalgebra::Vector3::zeros(),
-            acceleration: nalgebra::Vector3::zeros(),
-            jacobian: nalgebra::Matrix3xX::zeros(DOF),
-            dvelocity_dq: nalgebra::Matrix3xX::zeros(DOF),
-            dacceleration_dq: nalgebra::Matrix3xX::zeros(DOF),
-            dacceleration_dv: nalgebra::Matrix3xX::zeros(DOF),
-        };
-        let square = nalgebra::DMatrix::zeros(DOF, DOF);
-        Self {
-            tau: nalgebra::DVector::zeros(DOF),
-            dtau_dq: square.clone(),
-            dtau_dv: square.clone(),
-            mass: square,
-            toes: std::array::from_fn(|_| toe.clone()),
+impl Bodies for Vec<Point> {
+    fn toe(&self, point: usize, leg: usize) -> Toe<'_> {
+        self[point].toes[leg].view()
+    }
+
+    fn dynamics(&self, point: usize, _: usize) -> InverseDynamics<'_> {
+        let point = &self[point];
+        InverseDynamics {
+            tau: point.tau.as_slice(),
+            dtau_dq: point.dtau_dq.as_slice(),
+            dtau_dv: point.dtau_dv.as_slice(),
+            mass_matrix: point.mass_matrix.as_slice(),
         }
     }
 
+    fn force_jacobian(&self, point: usize, leg: usize) -> &[[f64; 3]] {
+        self.toe(point, leg).jacobian
+    }
+}
+
+impl Point {
     /// For a point's unknowns; `stance` are the legs whose forces are among them. Derivatives are written where they
     /// are wanted, and stay as they were elsewhere.
     pub fn evaluate(&mut self, robot: &Robot, data: &mut Data, unknowns: &[f64], stance: &[usize], derivatives: bool) {
@@ -63,7 +54,7 @@ impl Point {
             rnea_derivatives(model, data, q, v, a, forces);
             self.dtau_dq.copy_from(&data.dtau_dq);
             self.dtau_dv.copy_from(&data.dtau_dv);
-            self.mass.copy_from(&data.mass_matrix);
+            self.mass_matrix.copy_from(&data.mass_matrix);
             self.tau.copy_from(&data.tau);
         } else {
             self.tau.copy_from(rnea(model, data, q, v, a, forces));

@@ -5,11 +5,13 @@ use super::goal;
 use super::state::State;
 use crate::contact_schedule::{ContactSchedule, Phase};
 use crate::request::GaitRequest;
-use gait::{JOINTS, LEGS, bezier};
+pub(super) use crate::terms::COEFFICIENTS;
+use crate::terms::{Layout, Mirrored, Step};
+use gait::{JOINTS, LEGS};
 use robot::{Mirror, Robot};
+use std::marker::PhantomData;
 
 pub(super) const DOF: usize = 18;
-pub(super) const COEFFICIENTS: usize = bezier::DEGREE + 1;
 
 /// Stance and swing legs of the first step; the second step's are their mirror images.
 const STANCE: [usize; 2] = [1, 2];
@@ -29,6 +31,23 @@ pub(super) mod at {
     pub const U: usize = A + DOF;
     pub const LAMBDA: usize = U + JOINTS;
 }
+
+/// The whole robot's coordinates.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Whole;
+
+impl Layout for Whole {
+    const COORDINATES: usize = DOF;
+    const JOINTS_OF: [usize; LEGS] = [6, 9, 12, 15];
+    const Q: usize = at::Q;
+    const V: usize = at::V;
+    const A: usize = at::A;
+    const MIRRORED: Mirrored = Mirror::coordinate_source;
+    const ACCELERATIONS_LAST: bool = false;
+}
+
+/// A point of a full-order program.
+pub(super) type Place = crate::terms::Place<Whole>;
 
 /// Which steps of a stride are planned.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -81,26 +100,6 @@ pub(super) enum Closure {
     Moved,
     /// It does not: the first state is given, and the second one is to be reached, anywhere on the floor.
     Between(Box<[State; 2]>),
-}
-
-/// A Hermite–Simpson point.
-#[derive(Clone, Copy, Debug)]
-pub(super) struct Place {
-    /// Counted through all domains: a switch has two, the last of one and the first of the next.
-    pub index: usize,
-    /// First of its unknowns.
-    pub column: usize,
-    pub domain: usize,
-    /// Counted within its domain.
-    pub point: usize,
-    /// Points of its domain.
-    pub points: usize,
-    /// Share of its domain that has passed.
-    pub phase: f64,
-    /// Duration of its domain over T.
-    pub share: f64,
-    /// Time since the schedule began, over T.
-    pub time: f64,
 }
 
 /// Domains, and where their unknowns lie: α of each, T, every point's, and then by how much a state that is to be
@@ -181,11 +180,13 @@ impl Schedule {
 
     pub fn new(domains: Vec<Domain>, closure: Closure) -> Self {
         let mut places = Vec::new();
+        let several = domains.len() > 1;
         let (mut column, mut before) = (domains.len() * COEFFICIENTS * JOINTS + 1, 0.0);
         for (domain, d) in domains.iter().enumerate() {
             for point in 0..d.points {
                 let phase = point as f64 / (d.points - 1) as f64;
                 places.push(Place {
+                    layout: PhantomData,
                     index: places.len(),
                     column,
                     domain,
@@ -194,6 +195,7 @@ impl Schedule {
                     phase,
                     share: d.share,
                     time: before + d.share * phase,
+                    step: Step(several.then_some(domain + 1)),
                 });
                 column += at::LAMBDA + 3 * d.stance.len();
             }
@@ -208,7 +210,7 @@ impl Schedule {
 
     /// Column of coefficient `k` of a joint's polynomial in a domain.
     pub fn alpha(&self, domain: usize, k: usize, joint: usize) -> usize {
-        alpha(domain, k, joint)
+        (domain * COEFFICIENTS + k) * JOINTS + joint
     }
 
     /// Column of T.
@@ -235,6 +237,12 @@ impl Schedule {
     pub fn places_of(&self, domain: usize) -> &[Place] {
         let first = self.domains[..domain].iter().map(|d| d.points).sum::<usize>();
         &self.places[first..first + self.domains[domain].points]
+    }
+
+    /// Legs that stand at a point, with the first column of each one's force.
+    pub fn forces(&self, place: &Place) -> impl Iterator<Item = (usize, usize)> {
+        let first = place.column + at::LAMBDA;
+        self.domains[place.domain].stance.iter().enumerate().map(move |(k, &leg)| (leg, first + 3 * k))
     }
 
     /// A point's columns.
@@ -274,25 +282,5 @@ impl Schedule {
     /// Whether legs are to land at places of their own.
     pub fn has_footholds(&self) -> bool {
         self.domains.iter().any(|d| !d.footholds.is_empty())
-    }
-
-    /// For names: which step a domain is, where there is more than one.
-    pub fn step_of(&self, domain: usize) -> Step {
-        Step(if self.domains.len() > 1 { Some(domain + 1) } else { None })
-    }
-}
-
-/// Column of coefficient `k` of a joint's polynomial in a domain.
-pub(super) fn alpha(domain: usize, k: usize, joint: usize) -> usize {
-    (domain * COEFFICIENTS + k) * JOINTS + joint
-}
-
-/// " of step 2", where there is more than one.
-#[derive(Clone, Copy, Debug)]
-pub(super) struct Step(Option<usize>);
-
-impl std::fmt::Display for Step {
-    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        self.0.map_or(Ok(()), |number| write!(f, " of step {number}"))
     }
 }

@@ -53,7 +53,7 @@ pub(super) fn bent(
     mut straight_x: Vec<f64>,
     [straight, moved]: [&GaitRequest; 2],
 ) -> Result<Vec<f64>, Unreachable> {
-    let hip_x_m = decomposed.bipeds().hips_x_m();
+    let hip_x_m = decomposed.bipeds.hips_x_m();
     let [from, to] = [straight, moved].map(|request| of_four_legs(program, hip_x_m, robot, request));
     for (x, (from, to)) in straight_x.iter_mut().zip(from?.into_iter().zip(to?)) {
         *x += to - from;
@@ -264,7 +264,7 @@ fn inverse_kinematics(
 pub(crate) fn recomposed(full: &FullOrderProgram, program: &DecomposedProgram, x: &[f64]) -> Vec<f64> {
     use crate::program::layout as d;
     let schedule = &full.schedule;
-    let pairing = program.bipeds().pairing();
+    let pairing = program.bipeds.pairing();
     let mut out = vec![0.0; schedule.unknowns];
     for k in 0..COEFFICIENTS {
         let mut front = [0.0; 12];
@@ -291,7 +291,7 @@ pub(crate) fn recomposed(full: &FullOrderProgram, program: &DecomposedProgram, x
         to[at::LAMBDA..].copy_from_slice(&from[d::LAMBDA_1..d::LAMBDA_1 + 6]);
     }
     if schedule.domains.len() == 2 {
-        mirror_second_step(full, program.speed_m_s(), &mut out);
+        mirror_second_step(full, program.speed_m_s, &mut out);
     }
     out
 }

@@ -1,8 +1,8 @@
 //! A state of the robot: where a transition begins, and what it is to reach.
 
-use super::names::Names;
 use crate::Tolerances;
 use crate::request::GaitRequest;
+use crate::terms::Names;
 use gait::{Gait, LEGS};
 use nalgebra::{Matrix2, Matrix3, Quaternion, UnitQuaternion, Vector2, Vector3};
 use rigid_body::{Data, PointKinematics, point_kinematics};

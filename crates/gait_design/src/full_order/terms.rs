@@ -1,198 +1,115 @@
-//! The program's constraints. Each is one file here, with its bounds, values, derivatives and names.
+//! The full-order program's terms: domains × what holds in each, and the links between them.
 
 mod arrival;
 mod centred;
-mod collocation;
-mod dynamics;
 mod foothold;
-mod friction;
-mod outputs;
-mod stance;
-mod start;
-mod swing;
-mod switch;
-mod touchdown;
 mod tracking_law;
 
-use super::names::Names;
-use super::point::Point;
-use super::schedule::{Closure, Place, Schedule};
+use super::schedule::{Closure, DOF, Place, Schedule, at};
 use crate::limits::Limits;
 use crate::planar::PlanarMotion;
-use crate::program::Sink;
+use crate::request::GaitRequest;
+use crate::terms::friction::face;
+use crate::terms::{
+    AtRest, Begins, Body, Collocation, Dynamics, Friction, Height, Of, Prescribed, SoftTouchdown, Switch, Terms,
+    ToeDistance,
+};
 use robot::Robot;
-
-/// What constraints are evaluated at.
-pub(super) struct At<'a> {
-    /// The unknowns.
-    pub x: &'a [f64],
-    /// T's column among them.
-    pub t_column: usize,
-    /// Dynamics and toes at every point.
-    pub points: &'a [Point],
-}
-
-impl At<'_> {
-    /// T, s.
-    pub fn t(&self) -> f64 {
-        self.x[self.t_column]
-    }
-}
-
-/// A constraint at a point, over an interval or where domains meet: rows that are named, bounded, evaluated and
-/// differentiated here, in one order.
-pub(super) trait Term {
-    /// (lower, upper) of every row.
-    fn bounds(&self) -> Vec<[f64; 2]>;
-    /// Every row's value.
-    fn values(&self, at: &At, rows: &mut [f64]);
-    /// Every row's derivatives; which there are must not depend on `at`.
-    fn derivatives(&self, at: &At, rows: &mut Rows);
-    /// Whether its rows join what happens at different times: they are not solved along the schedule
-    /// ([`super::order`]), but left to the end.
-    fn is_tie(&self) -> bool {
-        false
-    }
-    /// What a row is, for people.
-    fn name(&self, row: usize, names: &Names) -> String;
-}
-
-/// Takes the derivatives of a term's rows, counted from its first.
-pub(super) struct Rows<'a> {
-    first: usize,
-    sink: &'a mut dyn Sink,
-}
-
-impl Rows<'_> {
-    pub fn put(&mut self, row: usize, column: usize, value: f64) {
-        self.sink.put(self.first + row, column, value);
-    }
-}
-
-/// Where something is equal to 0.
-pub(super) const EQUAL: [f64; 2] = [0.0, 0.0];
-const FREE: [f64; 2] = [f64::NEG_INFINITY, f64::INFINITY];
-const NOT_NEGATIVE: [f64; 2] = [0.0, f64::INFINITY];
-
-/// A leg's coordinates: the base's and its joints'.
-fn coordinates_of(leg: usize) -> impl Iterator<Item = usize> {
-    (0..6).chain(6 + 3 * leg..9 + 3 * leg)
-}
-
-/// The constraints of a program, with where their rows begin.
-pub(super) struct Terms(Vec<(usize, Box<dyn Term + Send>)>);
 
 /// What the constraints are made of.
 pub(super) struct Asked<'a> {
     pub robot: &'a Robot,
     pub schedule: &'a Schedule,
     pub limits: &'a Limits,
-    pub motion: PlanarMotion,
-    /// T asked for, s: where axes turn along, they do so at its pace.
-    pub nominal_t_s: f64,
-    /// Friction coefficient.
-    pub friction: f64,
+    pub request: &'a GaitRequest,
     /// Whether the polynomials are the joints' own, and not the reference that they follow.
     pub joints_prescribed: bool,
 }
 
-impl Terms {
-    /// Domains × what holds in each, and the links between them.
-    pub fn of(asked: &Asked) -> Self {
-        let schedule = asked.schedule;
-        let mut terms = Self(Vec::new());
-        for place in schedule.places() {
-            terms.at_a_point(asked, place);
-        }
-        for domain in 0..schedule.domains.len() {
-            for three in schedule.places_of(domain).windows(3).step_by(2) {
-                let [a, b, c] = three else { unreachable!("windows of three") };
-                terms.add(collocation::Collocation::new([*a, *b, *c], schedule.step_of(domain)));
-            }
-        }
-        for (domain, d) in schedule.domains.iter().enumerate() {
-            let (first, step) = (schedule.places_of(domain)[0], schedule.step_of(domain));
-            // Where a given state begins, its toes are where they are.
-            if domain > 0 || !schedule.is_between() {
-                terms.add(start::OnTheFloor::new(first, schedule.newly_standing(&asked.robot.mirror, domain), step));
-                if schedule.has_footholds() {
-                    terms.add(foothold::Footholds::new(first, d.footholds.clone(), asked.limits, step));
-                } else {
-                    terms.add(start::ToeDistance::new(first, [d.stance[0], d.stance[1]], asked.limits, step));
-                }
-            }
-            if asked.joints_prescribed {
-                terms.add(start::OnPolynomials::new(first, step));
-            }
-        }
-        for domain in 0..schedule.domains.len() {
-            let end = *schedule.places_of(domain).last().expect("a domain has points");
-            let step = schedule.step_of(domain);
-            if domain + 1 == schedule.domains.len()
-                && let Closure::Between(states) = &schedule.closure
-            {
-                terms.add(arrival::Arrival::new(asked, end, &states[1]));
-            } else {
-                terms.add(switch::Switch::new(asked, end));
-                terms.add(touchdown::SoftTouchdown::new(end, schedule.landing(&asked.robot.mirror, domain), step));
-            }
-        }
-        if schedule.closure == Closure::Moved {
-            terms.add(centred::Centred::new(schedule, asked.motion));
-        }
-        terms
-    }
+static WHOLE: Body = Body { index: 0, name: None, legs: &[0, 1, 2, 3], torques: at::U, wrench: None };
 
-    fn at_a_point(&mut self, asked: &Asked, place: &Place) {
-        let d = &asked.schedule.domains[place.domain];
-        let suffix = format!(", point {} of {}{}", place.point + 1, place.points, asked.schedule.step_of(place.domain));
-        self.add(dynamics::Dynamics::new(*place, d.stance.clone(), suffix.clone()));
-        if asked.joints_prescribed {
-            self.add(outputs::PrescribedJoints::new(*place, d.redundant_joints.clone(), suffix.clone()));
+/// The terms of a schedule.
+pub(super) fn of(asked: &Asked) -> Terms {
+    let schedule = asked.schedule;
+    let mut terms = Terms::default();
+    for place in schedule.places() {
+        at_a_point(&mut terms, asked, place);
+    }
+    for domain in 0..schedule.domains.len() {
+        for three in schedule.places_of(domain).windows(3).step_by(2) {
+            terms.add(Collocation { places: three.try_into().expect("windows of three") });
+        }
+    }
+    for domain in 0..schedule.domains.len() {
+        where_it_begins(&mut terms, asked, domain);
+    }
+    for domain in 0..schedule.domains.len() {
+        where_it_ends(&mut terms, asked, domain);
+    }
+    if schedule.closure == Closure::Moved {
+        terms.add(centred::Centred::new(schedule, PlanarMotion::of(asked.request)));
+    }
+    terms
+}
+
+fn at_a_point(terms: &mut Terms, asked: &Asked, place: &Place) {
+    let schedule = asked.schedule;
+    let d = &schedule.domains[place.domain];
+    let mut forces = schedule.forces(place);
+    let forces = std::array::from_fn(|_| forces.next());
+    terms.add(Dynamics { place: *place, body: &WHOLE, coordinates: 0..DOF, forces });
+    if asked.joints_prescribed {
+        terms.add(Prescribed::new(*place, &d.redundant_joints));
+    } else {
+        terms.add(tracking_law::TrackingLaw::new(*place, asked.robot));
+    }
+    for &leg in &d.stance {
+        terms.add(AtRest { place: *place, leg });
+    }
+    let axes = PlanarMotion::of(asked.request).rotation(place.time * asked.request.step_duration_s);
+    for (leg, force) in schedule.forces(place) {
+        terms.add(Friction { place: *place, leg, force, face: face(asked.request.friction), axes });
+    }
+    for &leg in &d.swing {
+        let of = Of::Swing(asked.limits.swing_height_m(place.point, place.points));
+        terms.add(Height { place: *place, leg, of });
+    }
+}
+
+fn where_it_begins(terms: &mut Terms, asked: &Asked, domain: usize) {
+    let (schedule, first) = (asked.schedule, asked.schedule.places_of(domain)[0]);
+    let d = &schedule.domains[domain];
+    // Where a given state begins, its toes are where they are.
+    if domain > 0 || !schedule.is_between() {
+        for leg in schedule.newly_standing(&asked.robot.mirror, domain) {
+            terms.add(Height { place: first, leg, of: Of::Stance });
+        }
+        if schedule.has_footholds() {
+            terms.add(foothold::Footholds::new(first, d.footholds.clone(), asked.limits));
         } else {
-            self.add(tracking_law::TrackingLaw::new(*place, asked.robot, suffix.clone()));
-        }
-        let axes = asked.motion.rotation(place.time * asked.nominal_t_s);
-        self.add(stance::AtRest::new(*place, d.stance.clone(), suffix.clone()));
-        self.add(friction::Friction::new(*place, d.stance.clone(), asked.friction, axes, suffix.clone()));
-        self.add(swing::Height::new(*place, d.swing.clone(), asked.limits, suffix));
-    }
-
-    fn add(&mut self, term: impl Term + Send + 'static) {
-        self.0.push((self.rows(), Box::new(term)));
-    }
-
-    /// Rows of all terms.
-    pub fn rows(&self) -> usize {
-        self.0.last().map_or(0, |(first, term)| first + term.bounds().len())
-    }
-
-    /// (lower, upper) of every row.
-    pub fn bounds(&self) -> Vec<[f64; 2]> {
-        self.0.iter().flat_map(|(_, term)| term.bounds()).collect()
-    }
-
-    /// Rows that are left to the end ([`Term::is_tie`]).
-    pub fn ties(&self) -> Vec<usize> {
-        let ties = self.0.iter().filter(|(_, term)| term.is_tie());
-        ties.flat_map(|(first, term)| *first..first + term.bounds().len()).collect()
-    }
-
-    pub fn values(&self, at: &At, values: &mut [f64]) {
-        for (first, term) in &self.0 {
-            term.values(at, &mut values[*first..]);
+            let legs = [d.stance[0], d.stance[1]];
+            terms.add(ToeDistance { place: first, legs, squared_m2: asked.limits.toe_distance_squared_m2 });
         }
     }
-
-    pub fn derivatives(&self, at: &At, sink: &mut dyn Sink) {
-        for (first, term) in &self.0 {
-            term.derivatives(at, &mut Rows { first: *first, sink: &mut *sink });
-        }
+    if asked.joints_prescribed {
+        terms.add(Begins::new(first));
     }
+}
 
-    pub fn name(&self, row: usize, names: &Names) -> String {
-        let index = self.0.partition_point(|(first, _)| *first <= row) - 1;
-        let (first, term) = &self.0[index];
-        term.name(row - first, names)
+fn where_it_ends(terms: &mut Terms, asked: &Asked, domain: usize) {
+    let schedule = asked.schedule;
+    let end = *schedule.places_of(domain).last().expect("a domain has points");
+    let next = (domain + 1) % schedule.domains.len();
+    let closes = next == 0;
+    if let Closure::Between(states) = &schedule.closure
+        && closes
+    {
+        return terms.add(arrival::Arrival::new(asked, end, &states[1]));
+    }
+    let mirror = (closes && schedule.closure == Closure::Mirrored).then_some(asked.robot.mirror);
+    let moved = closes.then(|| (PlanarMotion::of(asked.request), schedule.duration()));
+    terms.add(Switch { end, next: schedule.places_of(next)[0], mirror, moved });
+    for leg in schedule.landing(&asked.robot.mirror, domain) {
+        terms.add(SoftTouchdown { place: end, leg, axes: 0..3 });
     }
 }

@@ -13,7 +13,7 @@ fn program_and_noisy_start(request: &GaitRequest, reference: Reference) -> (Full
     let mut decomposed = program_of(&robot, &straight, settings.clone()).unwrap();
     let x = guess::nominal(&robot, &mut decomposed, &straight).unwrap();
     let robot = on_slope(&robot, request);
-    let program = FullOrderProgram::new(&robot, request, Steps::of(request), &settings, decomposed.limits(), reference);
+    let program = FullOrderProgram::new(&robot, request, Steps::of(request), &settings, &decomposed.limits, reference);
     let mut x = start::recomposed(&program, &decomposed, &x);
     let mut random = noise(7);
     for v in &mut x {
@@ -49,7 +49,7 @@ fn the_jacobian_agrees_with_central_differences_over_unequal_domains() {
     let request = moved(0.3, 0.2, 0.6);
     let settings = ProgramSettings { points: 5, ..ProgramSettings::default() };
     let straight = as_steps("amble", &robot);
-    let limits = program_of(&robot, &straight, settings.clone()).unwrap().limits().clone();
+    let limits = program_of(&robot, &straight, settings.clone()).unwrap().limits;
     let steps = Schedule::of(&robot, Steps::of(&request), 5).domains;
     let [first, second] = [0, 1].map(|k| steps[k].clone());
     let long = schedule::Domain { share: 1.4, points: 7, ..first.clone() };
@@ -174,12 +174,14 @@ fn a_straight_request_is_written_as_it_was_before_there_were_turning_ones() {
     assert_eq!(serde_json::from_value::<GaitRequest>(serde_json::to_value(&turning).unwrap()).unwrap(), turning);
 }
 
-/// Of every row and unknown, in a step and in a stride.
+/// Of every row and unknown, in a step and in a stride; bounds, value and derivatives are of the term that names a row.
 #[test]
 fn every_row_and_every_unknown_has_a_name_of_its_own_place() {
     for request in [as_steps("amble", &vision60()), moved(0.1, 0.2, 0.3)] {
         for reference in [Reference::Compensated, Reference::InProgram] {
-            let (program, x) = program_and_noisy_start(&request, reference);
+            let (mut program, x) = program_and_noisy_start(&request, reference);
+            program.evaluate_points(&x, true);
+            program.terms.check(&program.at(&x), &program.names);
             let rows = program.bounds().constraint_lower.len();
             let names: Vec<String> = (0..rows).map(|row| program.constraint_name(row)).collect();
             for (what, count) in [

@@ -2,11 +2,11 @@
 
 use super::costs::{SWAY_RAD, leaning};
 use super::goal;
-use super::names::Names;
 use super::schedule::{COEFFICIENTS, Closure, Place, Schedule, at};
 use crate::limits::Limits;
 use crate::planar::PlanarMotion;
 use crate::request::GaitRequest;
+use crate::terms::Names;
 use gait::JOINTS;
 use robot::Robot;
 
@@ -95,7 +95,11 @@ fn base(request: &GaitRequest, schedule: &Schedule, limits: &Limits, place: &Pla
 pub(super) fn name(schedule: &Schedule, names: &Names, column: usize) -> String {
     if column < schedule.t() {
         let (domain, k) = (column / JOINTS / COEFFICIENTS, column / JOINTS % COEFFICIENTS);
-        return format!("Bézier coefficient {k} of {}{}", names.joint(column % JOINTS), schedule.step_of(domain));
+        return format!(
+            "Bézier coefficient {k} of {}{}",
+            names.joint(column % JOINTS),
+            schedule.places_of(domain)[0].step
+        );
     }
     if column == schedule.t() {
         return "step duration".into();
@@ -113,5 +117,5 @@ pub(super) fn name(schedule: &Schedule, names: &Names, column: usize) -> String 
         i if i < at::LAMBDA => format!("torque of {}", names.joint(i - at::U)),
         i => format!("force on {}", names.toe(schedule.domains[place.domain].stance[(i - at::LAMBDA) / 3])),
     };
-    format!("{what}, point {} of {}{}", place.point + 1, place.points, schedule.step_of(place.domain))
+    format!("{what}, {place}")
 }

@@ -5,10 +5,11 @@
 //! Every row may be missed by an unknown of its own, m, which costs: q_i − q*_i − m = 0 and q̇_i − q̇*_i − m = 0 of
 //! single coordinates, and of a toe at p, with the body at b, (p − b)_xy − (p* − b*)_xy − m = 0.
 
-use super::{Asked, At, EQUAL, Names, Place, Rows, Term};
+use super::Asked;
 use crate::full_order::goal::{Part, parts, what};
-use crate::full_order::schedule::{Domain, at};
+use crate::full_order::schedule::{Domain, Place};
 use crate::full_order::state::State;
+use crate::terms::{At, EQUAL, Names, Rows, Sink, Term};
 use nalgebra::Vector2;
 
 /// At a schedule's end; rows in the order of their parts, m, rad, m/s, rad/s.
@@ -36,35 +37,35 @@ impl Arrival {
 }
 
 impl Term for Arrival {
-    fn bounds(&self) -> Vec<[f64; 2]> {
-        vec![EQUAL; self.targets.len()]
+    fn bounds(&self, bounds: &mut Vec<[f64; 2]>) {
+        bounds.resize(bounds.len() + self.targets.len(), EQUAL);
     }
 
     fn values(&self, at: &At, rows: &mut [f64]) {
-        let (point, x) = (&at.points[self.place.index], &at.x[self.place.column..]);
+        let (place, x) = (&self.place, at.x);
         for (row, part) in parts(&self.last.stance, &self.last.swing).enumerate() {
             let value = match part {
-                Part::Position { coordinate } => x[at::Q + coordinate],
-                Part::Rate { coordinate } => x[at::V + coordinate],
+                Part::Position { coordinate } => x[place.q(coordinate)],
+                Part::Rate { coordinate } => x[place.v(coordinate)],
                 Part::Toe { leg, axis } => {
-                    let body = Vector2::new(x[at::Q], x[at::Q + 1]);
-                    (point.toes[leg].position.xy() - body)[axis]
+                    let body = Vector2::new(x[place.q(0)], x[place.q(1)]);
+                    (at.bodies.toe(place.index, leg).position.xy() - body)[axis]
                 }
             };
             rows[row] = value - self.targets[row] - at.x[self.missed + row];
         }
     }
 
-    fn derivatives(&self, at: &At, rows: &mut Rows) {
-        let (point, p) = (&at.points[self.place.index], self.place.column);
+    fn derivatives(&self, at: &At, rows: &mut Rows<impl Sink>) {
+        let place = &self.place;
         for (row, part) in parts(&self.last.stance, &self.last.swing).enumerate() {
             match part {
-                Part::Position { coordinate } => rows.put(row, p + at::Q + coordinate, 1.0),
-                Part::Rate { coordinate } => rows.put(row, p + at::V + coordinate, 1.0),
+                Part::Position { coordinate } => rows.put(row, place.q(coordinate), 1.0),
+                Part::Rate { coordinate } => rows.put(row, place.v(coordinate), 1.0),
                 // By x and y of the body nothing changes.
                 Part::Toe { leg, axis } => {
-                    for c in (3..6).chain(6 + 3 * leg..9 + 3 * leg) {
-                        rows.put(row, p + at::Q + c, point.toes[leg].jacobian[(axis, c)]);
+                    for c in place.coordinates_of(leg).filter(|c| *c >= 3) {
+                        rows.put(row, place.q(c), at.bodies.toe(place.index, leg).jacobian[c][axis]);
                     }
                 }
             }

@@ -6,9 +6,9 @@
 //!
 //! So the mirror image of a stride is the stride of the mirrored request.
 
-use super::{At, EQUAL, Names, Place, Rows, Schedule, Term};
-use crate::full_order::schedule::at;
+use crate::full_order::schedule::{Place, Schedule};
 use crate::planar::PlanarMotion;
+use crate::terms::{At, EQUAL, Names, Rows, Sink, Term};
 
 const YAW: usize = 5;
 
@@ -32,26 +32,26 @@ impl Centred {
 
     /// How far the middle is from where the motion leads, m.
     fn away(&self, at: &At) -> nalgebra::Vector2<f64> {
-        let p = self.middle.column + at::Q;
+        let p = self.middle.q(0);
         nalgebra::Vector2::new(at.x[p], at.x[p + 1]) - self.motion.displacement_m(self.half_s(at))
     }
 }
 
 impl Term for Centred {
-    fn bounds(&self) -> Vec<[f64; 2]> {
-        vec![EQUAL; 3]
+    fn bounds(&self, bounds: &mut Vec<[f64; 2]>) {
+        bounds.extend([EQUAL; 3]);
     }
 
     fn values(&self, at: &At, rows: &mut [f64]) {
-        let [first, middle] = [self.first, self.middle].map(|place| &at.x[place.column + at::Q..]);
+        let [first, middle] = [self.first, self.middle].map(|place| &at.x[place.q(0)..]);
         let away = self.motion.rotation(self.half_s(at)).tr_mul(&self.away(at));
         rows[0] = first[0] + away.x;
         rows[1] = first[1] + away.y;
         rows[2] = first[YAW] + (middle[YAW] - self.motion.yaw_rad(self.half_s(at)));
     }
 
-    fn derivatives(&self, at: &At, rows: &mut Rows) {
-        let [first, middle] = [self.first, self.middle].map(|place| place.column + at::Q);
+    fn derivatives(&self, at: &At, rows: &mut Rows<impl Sink>) {
+        let [first, middle] = [self.first, self.middle].map(|place| place.q(0));
         let half_s = self.half_s(at);
         let turned = self.motion.rotation(half_s);
         let turning = self.motion.rotation_rate(half_s);
