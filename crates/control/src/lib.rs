@@ -31,6 +31,7 @@ mod commanded;
 mod config;
 mod contact;
 mod controller;
+mod course;
 mod day;
 mod gait_clock;
 mod interface;

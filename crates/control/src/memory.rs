@@ -1,11 +1,12 @@
 //! What a controller remembers from one step to the next: the parts' own memories, and nothing else.
 
 use crate::body_pose::Body;
+use crate::course::{Course, Then};
 use crate::day::{Day, Heed};
 use crate::gait_clock::{GaitClock, Offset};
 use crate::law::Law;
 use crate::limits::Limits;
-use crate::motion::{Course, Motion, Then};
+use crate::motion::Motion;
 use crate::ramp::Ramp;
 use crate::watch::{Still, Watch};
 use crate::{DampingReason, FaultReport, FaultSet, JOINTS, JointCommand, JointState, Mode, PreparedGait};

@@ -1,9 +1,10 @@
 //! The body's pose in the controller's step: when one is heeded, and that a walk waits until it is undone.
 
 use crate::body_pose::{BodyPose, BodyPoseAnswer};
+use crate::course::{Course, Then};
 use crate::lift::Lift;
 use crate::memory::Snapshot;
-use crate::motion::{Course, Motion, Then};
+use crate::motion::Motion;
 use crate::{Config, JOINTS, Mode};
 use std::time::Duration;
 

@@ -48,7 +48,13 @@ fn a_cycle_that_cannot_be_walked_is_refused_by_name() {
         ("cycle[1].reference_coefficients_rad[0] is NaN", |g| g.cycle[1].reference_rad[0][0] = f64::NAN),
         ("cycle[1].stance_legs names 1, expected at least 2", |g| g.cycle[1].stands = [true, false, false, false]),
         ("cycle has front_left stand in every domain", |g| g.cycle[0].stands = [true; 4]),
-        ("cycle has front_left swing in every domain", |g| g.cycle[1].stands = [false, true, true, true]),
+        ("cycle has front_left swing in every domain", |g| {
+            g.cycle.extend_from_within(..);
+            let stance_legs = [[1, 2], [2, 3], [1, 3], [1, 2]];
+            for (domain, legs) in g.cycle.iter_mut().zip(stance_legs) {
+                domain.stands = std::array::from_fn(|leg| legs.contains(&leg));
+            }
+        }),
         ("coefficients_rad differ from cycle[0].coefficients_rad", |g| g.coefficients_rad[3][2] += 1e-9),
         ("reference_coefficients_rad differ from cycle[0]", |g| g.reference_coefficients_rad[3][2] += 1e-9),
         ("second_step is given beside a cycle", |g| {

@@ -7,11 +7,13 @@
 mod drive;
 mod ground;
 mod reference;
+mod report;
 mod stance;
 mod walk;
 
 pub use crate::balance_config::{BalanceConfig, VelocityLimit};
 pub use drive::{Velocity, VelocityCommand};
+pub use report::BalanceReport;
 pub(crate) use walk::{Balanced, Trouble};
 
 use crate::gait_clock::is_none;
@@ -31,24 +33,6 @@ const STEP: f64 = 1e-3;
 const FADED: f64 = 0.6;
 /// A hurried step leaves this share of the joints' velocity limits.
 const VELOCITY_SHARE: f64 = 0.9;
-
-/// What the law did in its last cycle, for those who watch.
-#[derive(Clone, Copy, Debug, Default, PartialEq, serde::Serialize, serde::Deserialize)]
-#[serde(deny_unknown_fields)]
-pub struct BalanceReport {
-    /// How far the body is from where the plan has it, its velocity counted as 1/λ of it, ahead and to the left, m.
-    pub error_m: [f64; 2],
-    /// Where the swing toes are placed beyond the plan, ahead and to the left, m.
-    pub placement_m: [f64; 2],
-    /// Pace of the step against the gait's own.
-    pub pace: f64,
-    /// The placement is at its range's end, or a leg cannot reach.
-    pub placement_limited: bool,
-    /// The step cannot be hurried as it should be.
-    pub hurry_limited: bool,
-    /// The ground's rise over run, ahead and to the left.
-    pub rise: [f64; 2],
-}
 
 /// The balanced law's memory while it walks.
 #[derive(Clone, Copy, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
@@ -232,8 +216,8 @@ impl Balance {
         }
     }
 
-    /// Follows it over a switch at which another gait, the cycle's, was taken up, by its lead or at once: `ended_rad` was
-    /// asked for before.
+    /// Follows it over a switch at which another gait, the cycle's, was taken up, by its lead or at once: `ended_rad`
+    /// was asked for before.
     pub fn change(&mut self, cycle: &Cycle, steps: u64, by_lead: bool, phase: f64, ended_rad: [f64; JOINTS]) {
         self.phase = phase;
         self.switch(cycle, ended_rad);
