@@ -24,7 +24,7 @@ const RAISED_SHARE: f64 = 0.01;
 /// Longest landing run of a gait that is called stable, as a share of the nominal height: 2 cm on the Vision 60.
 const RUN_SHARE: f64 = 0.036;
 /// Largest growth of a disturbance within a step of a gait that is called stable.
-pub const MOST_STEP_GROWTH: f64 = 10.0;
+pub const MOST_STEP_GROWTH: f64 = 11.0;
 
 /// The certificate of a plan, whose points and second points are [`crate::Plan`]'s. For a plan on a slope, `robot` is
 /// [`crate::on_slope`]'s. There is none where the law follows the planned joints themselves: it gives other torques,

@@ -102,6 +102,16 @@ fn multipliers_are_exact_to_1e_5_against_a_fine_reference_of_another_make() {
     }
 }
 
+#[test]
+fn the_five_gaits_are_called_stable() {
+    let robot = vision60();
+    for behaviour in behaviours() {
+        let request = GaitRequest::named(behaviour, &robot).unwrap();
+        let certificate = plan(&robot, &request, &PlanOptions::default(), go_on).unwrap().gait.certificate;
+        assert!(certificate.is_some_and(|c| c.stable), "{behaviour}: {certificate:?}");
+    }
+}
+
 /// Backward gaits whose map contracts and that fall, or walk at another speed, in the simulator (docs/planning.md):
 /// step duration s, half-width m, height m, clearance m, speed m/s. And gaits that walk their plan.
 #[test]
