@@ -44,30 +44,9 @@ fn crawl() -> PreparedGait {
 
 /// Walking the whole crawl, in the first cycle of a stride.
 fn crawling() -> Bench {
-    let mut bench = Bench::new(config());
-    bench.load(&crawl());
-    for request in [Request::Arm, Request::Stand, Request::Walk] {
-        bench.ask(request).unwrap();
-    }
-    bench.until(Mode::Walking, 6.0);
+    let mut bench = Bench::begun(&crawl());
     bench.until_step(8);
     bench
-}
-
-trait UntilStep {
-    fn until_step(&mut self, step: u64) -> usize;
-}
-
-impl UntilStep for Bench {
-    /// Cycles of the present step until `step` begins.
-    fn until_step(&mut self, step: u64) -> usize {
-        let mut cycles = 0;
-        while self.last.unwrap().step_index < step {
-            self.cycle(&[], None);
-            cycles += 1;
-        }
-        cycles
-    }
 }
 
 #[test]
@@ -105,21 +84,7 @@ fn the_command_is_each_domains_own_plan_and_only_its_leg_lifts() {
 
 #[test]
 fn no_joint_jumps_from_standing_into_the_cycle_and_at_its_switches() {
-    let mut b = Bench::new(config());
-    b.load(&crawl());
-    b.ask(Request::Arm).unwrap();
-    b.ask(Request::Stand).unwrap();
-    b.until(Mode::Standing, 6.0);
-    b.ask(Request::Walk).unwrap();
-    let mut last = b.last.unwrap();
-    while b.controller.mode() != Mode::Walking || last.step_index < 10 {
-        let output = b.cycle(&[], None);
-        for j in 0..JOINTS {
-            let step = output.command.position_rad[j] - last.command.position_rad[j];
-            assert!(step.abs() < 0.006, "step {} joint {j} jumped {step}", output.step_index);
-        }
-        last = output;
-    }
+    assert_begins_without_a_jump(&crawl(), 10);
 }
 
 #[test]
@@ -190,12 +155,7 @@ fn a_snapshot_within_the_cycle_goes_on_to_the_bit() {
     for after in [10, 249, 250, 251, 700] {
         let mut b = crawling();
         b.run(after);
-        let text = serde_json::to_string(&b.controller.snapshot()).unwrap();
-        let mut again = Bench {
-            controller: Controller::resume(config(), &serde_json::from_str(&text).unwrap()).unwrap(),
-            ..Bench::new(config())
-        };
-        (again.now, again.position_rad, again.velocity_rad_s) = (b.now, b.position_rad, b.velocity_rad_s);
+        let mut again = b.resumed();
         for cycle in 0..2000 {
             let (there, here) = (b.cycle(&[], None), again.cycle(&[], None));
             assert_eq!(there, here, "cycle {cycle} after {after}");
@@ -215,12 +175,7 @@ fn a_stride_of_a_cycle_allocates_nothing() {
 fn a_lead_into_a_cycle_is_walked_once() {
     let mut gait = crawl_at("led", [0.0977, 0.985, 1.997]);
     gait.lead = vec![Domain { stands: [true; 4], duration_s: 0.2, ..gait.cycle[1].clone() }, gait.cycle[3].clone()];
-    let mut b = Bench::new(config());
-    b.load(&PreparedGait::new(&gait, &config()).unwrap());
-    for request in [Request::Arm, Request::Stand, Request::Walk] {
-        b.ask(request).unwrap();
-    }
-    b.until(Mode::Walking, 6.0);
+    let mut b = Bench::begun(&PreparedGait::new(&gait, &config()).unwrap());
     let cycles: Vec<_> = [1, 2, 3, 4, 5, 6, 7].map(|step| b.until_step(step)).into();
     assert_eq!(cycles, [200, 300, 250, 351, 299, 300, 250]);
 }

@@ -25,34 +25,12 @@ fn with_lead_prepared() -> PreparedGait {
 
 /// Walking in its first cycle, out of standing.
 fn leading() -> Bench {
-    let mut bench = Bench::new(config());
-    bench.load(&with_lead_prepared());
-    for request in [Request::Arm, Request::Stand, Request::Walk] {
-        bench.ask(request).unwrap();
-    }
-    bench.until(Mode::Walking, 6.0);
-    bench
+    Bench::begun(&with_lead_prepared())
 }
 
 #[test]
 fn no_joint_jumps_from_standing_through_the_lead_into_the_gait() {
-    let mut b = Bench::new(config());
-    b.load(&with_lead_prepared());
-    b.ask(Request::Arm).unwrap();
-    b.ask(Request::Stand).unwrap();
-    b.until(Mode::Standing, 6.0);
-    b.ask(Request::Walk).unwrap();
-    let mut last = b.last.unwrap();
-    while b.controller.mode() != Mode::Walking || last.step_index < 6 {
-        let output = b.cycle(&[], None);
-        for j in 0..JOINTS {
-            let step = output.command.position_rad[j] - last.command.position_rad[j];
-            assert!(step.abs() < 0.006, "step {} joint {j} jumped {step}", output.step_index);
-            let speed = output.command.velocity_rad_s[j] - last.command.velocity_rad_s[j];
-            assert!(speed.abs() < 0.3, "step {} joint {j}: velocity jumped {speed}", output.step_index);
-        }
-        last = output;
-    }
+    assert_begins_without_a_jump(&with_lead_prepared(), 6);
 }
 
 #[test]
@@ -97,22 +75,6 @@ fn a_stop_within_the_lead_stands_at_its_next_switch() {
     }
 }
 
-trait UntilStep {
-    fn until_step(&mut self, step: u64) -> usize;
-}
-
-impl UntilStep for Bench {
-    /// Cycles of the present step until `step` begins.
-    fn until_step(&mut self, step: u64) -> usize {
-        let mut cycles = 0;
-        while self.last.unwrap().step_index < step {
-            self.cycle(&[], None);
-            cycles += 1;
-        }
-        cycles
-    }
-}
-
 #[test]
 fn a_fault_within_the_lead_damps_the_robot() {
     let mut b = leading();
@@ -139,12 +101,7 @@ fn a_snapshot_within_the_lead_goes_on_to_the_bit() {
     for after in [10, 299, 300, 301, 500, 700] {
         let mut b = leading();
         b.run(after);
-        let text = serde_json::to_string(&b.controller.snapshot()).unwrap();
-        let mut again = Bench {
-            controller: Controller::resume(config(), &serde_json::from_str(&text).unwrap()).unwrap(),
-            ..Bench::new(config())
-        };
-        (again.now, again.position_rad, again.velocity_rad_s) = (b.now, b.position_rad, b.velocity_rad_s);
+        let mut again = b.resumed();
         for cycle in 0..1000 {
             let (there, here) = (b.cycle(&[], None), again.cycle(&[], None));
             assert_eq!(there, here, "cycle {cycle} after {after}");
@@ -203,12 +160,7 @@ fn with_lead_from_the_amble() -> Gait {
 
 /// Walking the amble, grown up, in step `step`.
 fn ambling(step: u64) -> Bench {
-    let mut bench = Bench::new(config());
-    bench.load(&PreparedGait::new(&amble(), &config()).unwrap());
-    for request in [Request::Arm, Request::Stand, Request::Walk] {
-        bench.ask(request).unwrap();
-    }
-    bench.until(Mode::Walking, 6.0);
+    let mut bench = Bench::begun(&PreparedGait::new(&amble(), &config()).unwrap());
     bench.until_step(step);
     bench
 }
@@ -267,12 +219,7 @@ fn a_snapshot_within_a_lead_out_of_another_gait_goes_on_to_the_bit() {
         b.cycle(&[], Some(&far));
         b.until_step(step);
         b.run(50);
-        let text = serde_json::to_string(&b.controller.snapshot()).unwrap();
-        let mut again = Bench {
-            controller: Controller::resume(config(), &serde_json::from_str(&text).unwrap()).unwrap(),
-            ..Bench::new(config())
-        };
-        (again.now, again.position_rad, again.velocity_rad_s) = (b.now, b.position_rad, b.velocity_rad_s);
+        let mut again = b.resumed();
         for cycle in 0..1000 {
             let (there, here) = (b.cycle(&[], None), again.cycle(&[], None));
             assert_eq!(there, here, "cycle {cycle} in step {step}");

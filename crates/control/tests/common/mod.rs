@@ -226,6 +226,35 @@ impl Bench {
         self.last.unwrap()
     }
 
+    /// Armed, stood up, walking `gait` out of standing, in its first cycle.
+    pub fn begun(gait: &PreparedGait) -> Self {
+        let mut bench = Self::new(config());
+        bench.load(gait);
+        for request in [Request::Arm, Request::Stand, Request::Walk] {
+            bench.ask(request).unwrap();
+        }
+        bench.until(Mode::Walking, 6.0);
+        bench
+    }
+
+    /// Cycles of the present step until `step` begins.
+    pub fn until_step(&mut self, step: u64) -> usize {
+        let mut cycles = 0;
+        while self.last.unwrap().step_index < step {
+            self.cycle(&[], None);
+            cycles += 1;
+        }
+        cycles
+    }
+
+    /// Another robot in this one's state, whose controller goes on from this one's snapshot.
+    pub fn resumed(&self) -> Self {
+        let text = serde_json::to_string(&self.controller.snapshot()).unwrap();
+        let (now, position_rad, velocity_rad_s) = (self.now, self.position_rad, self.velocity_rad_s);
+        let controller = Controller::resume(config(), &serde_json::from_str(&text).unwrap()).unwrap();
+        Self { controller, now, position_rad, velocity_rad_s, ..Self::new(config()) }
+    }
+
     /// Armed, stood up, walking.
     pub fn walking(config: Config) -> Self {
         let mut bench = Self::new(config);
@@ -238,6 +267,27 @@ impl Bench {
         let grown = 2 * (bench.controller.config().start_growth_s / (2.0 * 0.404)).ceil() as u64;
         while bench.run(1).step_index < grown {}
         bench
+    }
+}
+
+/// From standing into a walk of `gait`, until `step` begins, no joint's command jumps.
+pub fn assert_begins_without_a_jump(gait: &PreparedGait, step: u64) {
+    let mut b = Bench::new(config());
+    b.load(gait);
+    b.ask(Request::Arm).unwrap();
+    b.ask(Request::Stand).unwrap();
+    b.until(Mode::Standing, 6.0);
+    b.ask(Request::Walk).unwrap();
+    let mut last = b.last.unwrap();
+    while b.controller.mode() != Mode::Walking || last.step_index < step {
+        let output = b.cycle(&[], None);
+        for j in 0..JOINTS {
+            let jump = output.command.position_rad[j] - last.command.position_rad[j];
+            assert!(jump.abs() < 0.006, "step {} joint {j} jumped {jump}", output.step_index);
+            let jump = output.command.velocity_rad_s[j] - last.command.velocity_rad_s[j];
+            assert!(jump.abs() < 0.3, "step {} joint {j}: velocity jumped {jump}", output.step_index);
+        }
+        last = output;
     }
 }
 
