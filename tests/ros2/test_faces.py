@@ -169,19 +169,17 @@ def received(robot):
 
 
 def step_for(robot, received, count):
-    """So many steps; returns the newest instant that every topic has, and its messages: {topic: message}."""
-    for _ in range(count):
-        step(robot)
-    time.sleep(0.5)  # nothing is on its way any more
+    """So many steps, and as many again where messages were lost; returns the newest instant that every topic has, and its messages."""
     stamp = lambda message: round(1000 * seconds(message.clock if hasattr(message, "clock") else message.header.stamp))
     names = ["joint_states", "joint_command", "imu", "odom", "clock", *(f"ground_force/{leg}" for leg in LEGS)]
-
-    def common():
-        reported = [{stamp(message): message for message in list(received[name])} for name in names]
-        stamps = set.intersection(*map(set, reported))
-        return {"at": max(stamps), **{name: messages[max(stamps)] for name, messages in zip(names, reported, strict=True)}} if stamps else None
-
-    return wait_until(common, 10, lambda: f"an instant that every topic has: { {name: len(received[name]) for name in names} }")
+    for tries in range(1, 11):  # a busy machine may lose the one message of a topic that is sent best effort
+        for _ in range(count):
+            step(robot)
+        time.sleep(0.5)  # nothing is on its way any more
+        reported = {name: {stamp(message): message for message in list(received[name])} for name in names}
+        if stamps := set.intersection(*map(set, reported.values())):
+            return {"at": max(stamps), "steps": tries * count, **{name: messages[max(stamps)] for name, messages in reported.items()}}
+    raise AssertionError(f"no instant that every topic has: { {name: len(received[name]) for name in names} }")
 
 
 def step(robot):
@@ -197,10 +195,10 @@ def test_a_paused_robot_is_stepped_and_every_topic_has_the_same_instant(robot, r
 
     (description,) = received["robot_description"]
     assert description.data.startswith("<") and "<robot" in description.data and all(f'"{joint}"' in description.data for joint in JOINTS)
-    first = step_for(robot, received, 12)["at"]
+    first = step_for(robot, received, 12)
     reported = step_for(robot, received, 10)
     # Odometry comes every fifth millisecond; ten steps on, it is ten milliseconds later.
-    assert reported["at"] == first + 10 and first <= 30
+    assert reported["at"] - first["at"] == reported["steps"] and first["at"] <= first["steps"] + 18
     assert len({seconds(message.header.stamp) for message in received["joint_states"]}) >= 20
     state, command, imu, odom = (reported[name] for name in ("joint_states", "joint_command", "imu", "odom"))
     assert list(state.name) == list(command.name) == JOINTS
