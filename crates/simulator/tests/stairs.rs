@@ -7,7 +7,7 @@ use gait::Gait;
 use gait_design::{ContactSchedule, GaitRequest, ScheduleOptions, plan_schedule};
 use robot::Robot;
 use simulator::walk::{End, Start, WalkOptions, walk};
-use simulator::{Simulator, SimulatorOptions, Terrain};
+use simulator::{SimulatorOptions, Terrain};
 use std::ops::ControlFlow;
 
 const RISE_M: f64 = 0.1;
@@ -36,27 +36,11 @@ fn stride_m(gait: &Gait) -> f64 {
     gait.speed_m_s() * gait.stride_duration_s()
 }
 
-/// Stairs of the gait's slope on which its toes stand, wherever they began, and how far a toe is from the middle of
-/// its tread at most, m.
-fn stairs(robot: &Robot, gait: &Gait) -> (Terrain, f64) {
-    let mut simulator = Simulator::new(robot, SimulatorOptions::default()).unwrap();
-    simulator.reset_to_gait(gait).unwrap();
-    let (stride_m, slope_rad) = (stride_m(gait), RISE_M.atan2(RUN_M));
-    let middle_m = simulator.toe_positions_m()[0][0];
-    let away_m = simulator.toe_positions_m().map(|toe| {
-        let strides = (toe[0] - middle_m) / stride_m;
-        (strides - strides.round()).abs() * stride_m
-    });
-    let (rise_m, run_m) = (stride_m * slope_rad.sin(), stride_m * slope_rad.cos());
-    (Terrain::Staircase { rise_m, run_m, middle_m }, away_m.into_iter().fold(0.0, f64::max))
-}
-
 #[test]
 fn a_crawl_climbs_five_stairs_of_ten_centimetres_under_both_laws_and_does_not_fall() {
     let shelf = Shelf::new();
     let gait = plan(&shelf.robot);
-    let (terrain, away_m) = stairs(&shelf.robot, &gait);
-    assert!(away_m < 0.02, "a toe is {away_m} m from the middle of its tread");
+    let terrain = Terrain::staircase_of(&shelf.robot, &gait).unwrap();
     let Terrain::Staircase { rise_m, .. } = terrain else { panic!("{terrain:?}") };
     assert!(rise_m > 0.1, "stairs of {rise_m} m");
     for balance in [false, true] {
@@ -81,4 +65,11 @@ fn a_crawl_climbs_five_stairs_of_ten_centimetres_under_both_laws_and_does_not_fa
             assert!(f.max_tilt_deg < 8.0, "tilted by {} degrees against the stairs' slope", f.max_tilt_deg);
         }
     }
+}
+
+#[test]
+fn a_gait_that_is_planned_for_no_stairs_has_none() {
+    let amble = Gait::from_json(include_str!("../../../tests/gaits/amble.json")).unwrap();
+    let error = Terrain::staircase_of(&Shelf::new().robot, &amble).unwrap_err().to_string();
+    assert!(error.contains("\"amble\" is not planned for stairs"), "{error}");
 }

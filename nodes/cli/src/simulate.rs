@@ -66,6 +66,9 @@ pub struct Arguments {
     /// Stairs of this rise, m
     #[arg(long, value_name = "M", group = "ground")]
     stairs: Option<f64>,
+    /// The stairs that the gait was planned for with `tandem plan --schedule crawl --stairs`; the walk begins on them
+    #[arg(long, group = "ground")]
+    staircase: bool,
     /// Level ground, from 1 m ahead on a ramp that rises by this, degrees
     #[arg(long, value_name = "DEG", group = "ground", allow_negative_numbers = true)]
     ramp: Option<f64>,
@@ -134,7 +137,7 @@ enum StartArgument {
 /// Runs the subcommand.
 pub fn run(arguments: &Arguments) -> Result<ExitCode> {
     let robot = arguments.robot.load()?;
-    let options = arguments.options(&robot)?;
+    let mut options = arguments.options(&robot)?;
     let mut all_up = true;
     for file in &arguments.files {
         let found = robots::file(file);
@@ -143,6 +146,10 @@ pub fn run(arguments: &Arguments) -> Result<ExitCode> {
         let folder = |folder: &PathBuf| {
             if arguments.files.len() == 1 { folder.clone() } else { folder.join(file.file_stem().unwrap_or_default()) }
         };
+        if arguments.staircase {
+            options.simulator.terrain =
+                Terrain::staircase_of(&robot, &gait).with_context(|| file.display().to_string())?;
+        }
         let (out, bag) = (arguments.out.as_ref().map(folder), arguments.bag.as_ref().map(folder));
         let done = simulate(&robot, &gait, &options, out.as_deref(), bag.as_deref())
             .with_context(|| file.display().to_string())?;

@@ -23,6 +23,17 @@ pub struct ScheduleArguments {
     /// With --schedule trot or crawl: share of T in which all four legs stand, after each step, 0.05 to 0.6
     #[arg(long, value_name = "SHARE", requires = "schedule", allow_negative_numbers = true)]
     four_leg_share: Option<f64>,
+    /// With --schedule crawl: up stairs of this rise and depth, m, one a stride, every toe in the middle of its tread:
+    /// they give the slope and the speed. Takes ten seconds or more; `tandem simulate FILE --staircase` walks it
+    #[arg(
+        long,
+        value_names = ["RISE", "RUN"],
+        num_args = 2,
+        requires = "schedule",
+        conflicts_with_all = ["slope", "speed"],
+        allow_negative_numbers = true
+    )]
+    stairs: Option<Vec<f64>>,
 }
 
 #[derive(Clone, Copy, clap::ValueEnum)]
@@ -49,20 +60,10 @@ impl ScheduleArgument {
 }
 
 impl ScheduleArguments {
-    /// The schedule that is asked for and its name, if one is.
-    pub fn contacts(&self) -> Result<Option<(ContactSchedule, &'static str)>> {
+    /// The schedule that is asked for, if one is.
+    pub fn contacts(&self) -> Result<Option<ContactSchedule>> {
         let Some(schedule) = self.schedule else { return Ok(None) };
-        let four_leg_share = self.four_leg_share.unwrap_or(0.0);
-        let contacts = match schedule {
-            ScheduleArgument::Trot => ContactSchedule::Trot { four_leg_share },
-            ScheduleArgument::Crawl => ContactSchedule::Crawl { four_leg_share },
-            ScheduleArgument::Pace => ContactSchedule::Pace,
-            ScheduleArgument::Bound => ContactSchedule::Bound,
-        };
-        if self.four_leg_share.is_some() && matches!(contacts, ContactSchedule::Pace | ContactSchedule::Bound) {
-            bail!("--four-leg-share is for the trot and the crawl: the {} has no phase on four legs", schedule.name());
-        }
-        Ok(Some((contacts, schedule.name())))
+        Ok(Some(ContactSchedule::named(schedule.name(), self.four_leg_share.unwrap_or(0.0))?))
     }
 }
 
@@ -71,7 +72,7 @@ pub fn one(
     arguments: &Arguments,
     robot: &robot::Robot,
     request: GaitRequest,
-    (contacts, schedule): (ContactSchedule, &str),
+    contacts: ContactSchedule,
     file: Option<&Path>,
 ) -> Result<()> {
     if arguments.verify {
@@ -80,8 +81,14 @@ pub fn one(
              and `tandem simulate FILE` walks it"
         );
     }
-    let request = GaitRequest { behaviour: format!("{}_{schedule}", request.behaviour), ..request };
-    let plan = planned(arguments, robot, &request, &contacts)?;
+    let mut request = GaitRequest { behaviour: format!("{}_{}", request.behaviour, contacts.name()), ..request };
+    let mut options = ScheduleOptions::default();
+    options.program.points = arguments.points;
+    if let Some(stairs) = arguments.schedule.stairs.as_deref() {
+        up_stairs(&mut request, &contacts, stairs)?;
+        options.treads = true;
+    }
+    let plan = planned(arguments, robot, &request, &contacts, &options)?;
     if let Some(file) = file {
         output::write_file(file, plan.gait.to_json().as_bytes())?;
     }
@@ -96,23 +103,39 @@ pub fn one(
     }
 }
 
+/// The slope and the speed at which each leg climbs a stair a stride.
+fn up_stairs(request: &mut GaitRequest, contacts: &ContactSchedule, stairs: &[f64]) -> Result<()> {
+    let ContactSchedule::Crawl { .. } = contacts else {
+        bail!("--stairs is for the crawl: expected --schedule crawl");
+    };
+    let &[rise_m, run_m] = stairs else { bail!("--stairs has {} numbers, expected RISE RUN", stairs.len()) };
+    for (name, value_m, most_m) in [("rise", rise_m, 0.3), ("depth", run_m, 1.0)] {
+        if !(value_m > 0.0 && value_m <= most_m) {
+            bail!("--stairs: the {name} is {value_m} m, expected above 0, to {most_m} m");
+        }
+    }
+    request.slope_rad = rise_m.atan2(run_m);
+    // Four steps a stride.
+    request.speed_m_s = rise_m.hypot(run_m) / (4.0 * request.step_duration_s);
+    Ok(())
+}
+
 /// Plans and states the wall time.
 fn planned(
     arguments: &Arguments,
     robot: &robot::Robot,
     request: &GaitRequest,
     contacts: &ContactSchedule,
+    options: &ScheduleOptions,
 ) -> Result<SchedulePlan> {
     let start = Instant::now();
     let progress = Progress::begin(&format!("planning {}", request.behaviour));
-    let mut options = ScheduleOptions::default();
-    options.program.points = arguments.points;
     let mut unwritable = None;
     let report = |i: &nlp::Iteration| {
         unwritable = super::say_iteration(&progress, i, arguments.verbose).err();
         if unwritable.is_none() { ControlFlow::Continue(()) } else { ControlFlow::Break(()) }
     };
-    let planned = plan_schedule(robot, request, contacts, &options, report);
+    let planned = plan_schedule(robot, request, contacts, options, report);
     if let Some(unwritable) = unwritable {
         return Err(unwritable.into());
     }
