@@ -2,11 +2,11 @@
 //! structures for poses and velocities.
 
 use gait::bezier::DEGREE;
-use gait::{Coefficients, JOINTS, LEGS, SolverSummary};
+use gait::{Coefficients, Domain, JOINTS, LEGS, SolverSummary};
 
-use crate::SolverReport;
 use crate::gait_error::GaitMessageError;
 use crate::geometry_msgs::{Point, Pose, Quaternion, Twist, Vector3};
+use crate::{GaitDomain, SolverReport};
 
 /// Where a value stands, for the message of an error.
 #[derive(Clone, Copy)]
@@ -14,7 +14,7 @@ pub(crate) struct Place<'a> {
     /// The gait's name.
     pub gait: &'a str,
     /// The message's field.
-    pub field: &'static str,
+    pub field: &'a str,
 }
 
 /// A gait's value, as the message's type `Wire` carries it.
@@ -53,7 +53,7 @@ impl Carried<u8> for usize {
 fn array<T: Clone, const N: usize>(values: &[T], place: Place<'_>) -> Result<[T; N], GaitMessageError> {
     <[T; N]>::try_from(values.to_vec()).map_err(|values| GaitMessageError::Length {
         gait: place.gait.to_owned(),
-        field: place.field,
+        field: place.field.to_owned(),
         found: values.len(),
         expected: N,
     })
@@ -96,6 +96,52 @@ impl Carried<Vec<u8>> for [usize; LEGS] {
     }
     fn from_wire(wire: &Vec<u8>, place: Place<'_>) -> Result<Self, GaitMessageError> {
         array(wire, place).map(|legs: [u8; LEGS]| legs.map(usize::from))
+    }
+}
+
+/// Legs by number.
+impl Carried<Vec<u8>> for [bool; LEGS] {
+    fn to_wire(&self) -> Vec<u8> {
+        (0..LEGS as u8).filter(|leg| self[usize::from(*leg)]).collect()
+    }
+    fn from_wire(wire: &Vec<u8>, place: Place<'_>) -> Result<Self, GaitMessageError> {
+        let mut stands = [false; LEGS];
+        for leg in wire {
+            let twice = stands.get_mut(usize::from(*leg)).is_none_or(|stands| std::mem::replace(stands, true));
+            if twice {
+                let (gait, field) = (place.gait.to_owned(), place.field.to_owned());
+                return Err(GaitMessageError::StanceLegs { gait, field, found: *leg });
+            }
+        }
+        Ok(stands)
+    }
+}
+
+impl Carried<Vec<GaitDomain>> for Vec<Domain> {
+    fn to_wire(&self) -> Vec<GaitDomain> {
+        let domain = |domain: &Domain| GaitDomain {
+            stance_legs: domain.stands.to_wire(),
+            duration_s: domain.duration_s,
+            coefficients_rad: domain.planned_rad.to_wire(),
+            reference_coefficients_rad: domain.reference_rad.to_wire(),
+        };
+        self.iter().map(domain).collect()
+    }
+    fn from_wire(wire: &Vec<GaitDomain>, place: Place<'_>) -> Result<Self, GaitMessageError> {
+        let domain = |(k, domain): (usize, &GaitDomain)| {
+            let field = |name: &str| format!("{}[{k}].{name}", place.field);
+            let at = |field| Place { gait: place.gait, field };
+            Ok(Domain {
+                stands: Carried::from_wire(&domain.stance_legs, at(&field("stance_legs")))?,
+                duration_s: domain.duration_s,
+                planned_rad: Carried::from_wire(&domain.coefficients_rad, at(&field("coefficients_rad")))?,
+                reference_rad: Carried::from_wire(
+                    &domain.reference_coefficients_rad,
+                    at(&field("reference_coefficients_rad")),
+                )?,
+            })
+        };
+        wire.iter().enumerate().map(domain).collect()
     }
 }
 

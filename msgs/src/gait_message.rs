@@ -3,15 +3,14 @@
 
 use gait::bezier::DEGREE;
 
-use crate::SolverReport;
 use crate::carried::{Carried, Place};
-use crate::gait_error::{GAIT_VERSION_DOMAINS, GAIT_VERSION_TWO_STEPS, GAIT_VERSIONS, GaitMessageError};
+use crate::gait_error::{GAIT_VERSIONS, GaitMessageError};
 use crate::geometry_msgs::{Pose, Twist};
 use crate::std_msgs::Header;
+use crate::{GaitDomain, SolverReport};
 
-/// Defines the message and its mapping. `own` fields are the message's; `not_carried` are fields of a gait that its
-/// file has and the message has not, and a gait that has them is refused by its version. Then come the gait's fields,
-/// each with the fields of the message that carry it:
+/// Defines the message and its mapping. `own` fields are the message's. Then come the gait's fields, each with the
+/// fields of the message that carry it:
 ///
 /// - `field { wire: Type }`: one field carries it.
 /// - `field: Part { wire: Type = part, … }`: a structure, whose own fields are carried; `a & b` are carried by one.
@@ -20,7 +19,6 @@ macro_rules! gait_message {
     (
         $(#[$meta:meta])*
         own { $( $(#[$own_meta:meta])* $own:ident: $own_type:ty, )+ }
-        not_carried { $( $left_out:ident ),+ }
         $( $field:ident $(: $part:ident $([$present:expr])?)? {
             $( $(#[$wire_meta:meta])* $wire:ident: $type:ty $(= $($sub:ident)&+)?, )+
         } )+
@@ -42,7 +40,6 @@ macro_rules! gait_message {
             /// The gait that is carried, its lengths checked.
             fn carried(&self) -> Result<gait::Gait, GaitMessageError> {
                 Ok(gait::Gait {
-                    $( $left_out: Default::default(), )+
                     $( $field: gait_message!(@read self, [$($part $($present)?)?], $($wire: $type $(= $($sub)&+)?),+), )+
                 })
             }
@@ -82,8 +79,6 @@ gait_message! {
         /// Version of the gait's schema.
         version: u32,
     }
-    // A field more would be another type to every program that is built with this one.
-    not_carried { lead, cycle }
     robot {
         /// The robot that the gait is for.
         robot: String,
@@ -167,11 +162,18 @@ gait_message! {
         /// Whether both say that the gait stands by itself.
         stable: bool = stable,
     }
+    lead {
+        /// What is walked once before the first step; empty: nothing.
+        lead: Vec<GaitDomain>,
+    }
+    cycle {
+        /// What is walked over and over in place of the two steps; empty: the two steps are.
+        cycle: Vec<GaitDomain>,
+    }
 }
 
 impl Gait {
-    /// The message of a gait. The header's stamp is the sender's to set. Of a gait with a lead or a cycle its version
-    /// says what is missing, and [`Self::to_gait`] refuses it: such a gait goes by its file.
+    /// The message of a gait. The header's stamp is the sender's to set.
     #[must_use]
     pub fn from_gait(gait: &gait::Gait) -> Self {
         let mut message = Gait {
@@ -188,33 +190,23 @@ impl Gait {
     /// # Errors
     /// Names the field, what it holds and what was expected.
     pub fn to_gait(&self) -> Result<gait::Gait, GaitMessageError> {
-        if self.version == GAIT_VERSION_DOMAINS {
-            return Err(GaitMessageError::Domains { gait: self.name.clone() });
-        }
         if !GAIT_VERSIONS.contains(&self.version) {
             return Err(GaitMessageError::Version { found: self.version });
-        }
-        if (self.version == GAIT_VERSION_TWO_STEPS) != self.has_second_step() {
-            return Err(GaitMessageError::SecondStep {
-                gait: self.name.clone(),
-                version: self.version,
-                found: self.second_entries(),
-            });
         }
         if usize::from(self.bezier_degree) != DEGREE {
             return Err(GaitMessageError::Degree { gait: self.name.clone(), found: self.bezier_degree });
         }
         let gait = self.carried()?;
+        let expected = gait.file_version() as u32;
+        if self.version != expected {
+            return Err(GaitMessageError::Parts { gait: gait.name, version: self.version, expected });
+        }
         gait.validate()?;
         Ok(gait)
     }
 
-    fn second_entries(&self) -> usize {
-        self.second_coefficients_rad.len() + self.second_reference_coefficients_rad.len()
-    }
-
     fn has_second_step(&self) -> bool {
-        self.second_entries() > 0
+        !(self.second_coefficients_rad.is_empty() && self.second_reference_coefficients_rad.is_empty())
     }
 
     fn has_certificate(&self) -> bool {
@@ -285,14 +277,16 @@ mod tests {
     }
 
     #[test]
-    fn a_gait_with_a_lead_or_a_cycle_is_refused_and_never_walked_without_it() {
-        let steps = standing().schedule();
+    fn a_lead_and_a_cycle_come_back_as_they_went() {
+        let mut steps = standing().schedule();
+        steps[0].duration_s = 0.3;
+        steps[1].duration_s = 0.1;
         let with_lead = gait::Gait { lead: steps.clone(), ..standing() };
-        let with_cycle = gait::Gait { cycle: steps, ..standing() };
-        for gait in [with_lead, with_cycle] {
-            let error = Gait::from_gait(&gait).to_gait().unwrap_err().to_string();
-            assert!(error.contains("\"standing\" has a lead or a cycle"), "{error}");
-            assert!(error.contains("load the gait's file"), "{error}");
+        let with_cycle = gait::Gait { cycle: steps.clone(), ..standing() };
+        for gait in [gait::Gait { cycle: steps, ..with_lead.clone() }, with_lead, with_cycle] {
+            let message = Gait::from_gait(&gait);
+            assert_eq!(message.version, 3);
+            assert_eq!(message.to_gait().unwrap(), gait);
         }
     }
 
@@ -306,10 +300,39 @@ mod tests {
     #[test]
     fn wrong_messages_are_refused_with_the_field_named() {
         type Break = fn(&mut Gait);
-        let cases: [(&str, Break); 11] = [
-            ("version is 4, expected 1 or 2", |m| m.version = 4),
-            ("version 2 with 0 second coefficients", |m| m.version = 2),
-            ("version 1 with 72 second coefficients", |m| m.second_coefficients_rad = m.coefficients_rad.clone()),
+        fn domain(m: &Gait) -> GaitDomain {
+            GaitDomain {
+                stance_legs: vec![1, 2],
+                duration_s: 0.4,
+                coefficients_rad: m.coefficients_rad.clone(),
+                reference_coefficients_rad: m.reference_coefficients_rad.clone(),
+            }
+        }
+        let cases: [(&str, Break); 16] = [
+            ("version is 4, expected 1, 2 or 3", |m| m.version = 4),
+            ("version is 2, expected 1", |m| m.version = 2),
+            ("version is 1, expected 2", |m| {
+                m.second_coefficients_rad = m.coefficients_rad.clone();
+                m.second_reference_coefficients_rad = m.coefficients_rad.clone();
+            }),
+            ("version is 1, expected 3", |m| m.lead = vec![domain(m)]),
+            ("lead[1].coefficients_rad has 71 entries, expected 72", |m| {
+                m.lead = vec![domain(m); 2];
+                m.lead[1].coefficients_rad.pop();
+            }),
+            ("cycle[0].stance_legs names leg 4, expected some of 0 to 3, each once", |m| {
+                m.cycle = vec![domain(m)];
+                m.cycle[0].stance_legs[1] = 4;
+            }),
+            ("cycle[0].stance_legs names leg 1, expected some of 0 to 3, each once", |m| {
+                m.cycle = vec![domain(m)];
+                m.cycle[0].stance_legs[1] = 1;
+            }),
+            ("duration_s", |m| {
+                m.version = 3;
+                m.lead = vec![domain(m)];
+                m.lead[0].duration_s = f64::NAN;
+            }),
             ("second_reference_coefficients_rad has 0 entries, expected 72", |m| {
                 m.version = 2;
                 m.second_coefficients_rad = m.coefficients_rad.clone();

@@ -229,6 +229,12 @@ messages! { "tandem_msgs";
         lateral_speed_m_s: f64,
         /// Yaw rate, rad/s; positive turns to the left; 0: none.
         yaw_rate_rad_s: f64,
+        /// Contact schedule: `trot`, `crawl`, `pace` or `bound`; empty: the two steps of a trot.
+        schedule: String,
+        /// With the schedules `trot` and `crawl`: share of the step duration in which all four legs stand; 0: none.
+        four_leg_share: f64,
+        /// Plan the two steps from standing to the gait as well, as its lead.
+        from_rest: bool,
     }
     /// The plan, or why there is none.
     GenerateGaitResponse {
@@ -264,6 +270,17 @@ messages! { "tandem_msgs";
         landing_run_m: f64,
         /// Whether both say that the gait stands by itself.
         stable: bool,
+    }
+    /// One phase of a gait's lead or cycle, in which the same legs stand.
+    GaitDomain {
+        /// The legs that stand, by number, in ascending order.
+        stance_legs: Vec<u8>,
+        /// How long, s.
+        duration_s: f64,
+        /// Planned joint angles over the phase, not mirrored, rad: row-major 12 x (degree + 1).
+        coefficients_rad: Vec<f64>,
+        /// The reference that the tracking law follows, rad: row-major 12 x (degree + 1).
+        reference_coefficients_rad: Vec<f64>,
     }
     /// A gait file.
     LoadGaitRequest {

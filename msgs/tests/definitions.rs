@@ -3,9 +3,9 @@
 use std::path::Path;
 
 use tandem_msgs::{
-    Action, Claim, ClearFault, ControlCycle, ControllerState, FootContacts, Gait, GenerateGait, GenerateGaitAction,
-    JointCommand, JointDiagnostics, LoadGait, Message, Service, SolverReport, StartRecording, StopRecording,
-    definition,
+    Action, Claim, ClearFault, ControlCycle, ControllerState, FootContacts, Gait, GaitDomain, GenerateGait,
+    GenerateGaitAction, JointCommand, JointDiagnostics, LoadGait, Message, Service, SolverReport, StartRecording,
+    StopRecording, definition,
 };
 
 /// The fields of a definition file's sections (one for a message, two for a service, three for an action).
@@ -57,6 +57,7 @@ fn messages_match_their_files() {
     assert_message::<FootContacts>();
     assert_message::<Gait>();
     assert_message::<JointCommand>();
+    assert_message::<GaitDomain>();
     assert_message::<JointDiagnostics>();
     assert_message::<SolverReport>();
 }
@@ -102,6 +103,7 @@ fn every_file_has_a_rust_type_and_is_built() {
             "msg/ControllerState.msg",
             "msg/FootContacts.msg",
             "msg/Gait.msg",
+            "msg/GaitDomain.msg",
             "msg/JointCommand.msg",
             "msg/JointDiagnostics.msg",
             "msg/SolverReport.msg",

@@ -212,6 +212,26 @@ def test_the_reference_is_the_one_that_was_asked_for(client, planner):
     assert response.status == "invalid_request" and "torque_limit_nm has 1 entries, expected 3" in response.message
 
 
+def test_the_steps_from_standing_are_the_gait_s_lead_where_they_are_asked_for(client, planner):
+    from tandem_msgs.msg import Gait
+    from tandem_msgs.srv import GenerateGait
+    from test_walk import latched
+
+    gaits = []
+    client.node.create_subscription(Gait, "/planning/gait", gaits.append, latched())
+    plan = client.service(GenerateGait, "/planning/generate_gait")
+    response = client.call(plan, GenerateGait.Request(behaviour="amble", from_rest=True), 60)
+    assert response.success and "with a lead from standing" in response.message, response.message
+    wait_until(lambda: gaits and gaits[-1].header.stamp == response.gait_stamp, 10, "the gait on its topic")
+    lead = gaits[-1].lead
+    assert (gaits[-1].version, len(lead), len(gaits[-1].cycle)) == (3, 2, 0)
+    assert [list(domain.stance_legs) for domain in lead] == [[1, 2], [0, 3]]
+    # It ends where the gait begins.
+    ends = lambda rows: [rows[6 * joint + 5] for joint in range(12)]
+    begins = lambda rows: [rows[6 * joint] for joint in range(12)]
+    assert ends(lead[1].coefficients_rad) == pytest.approx(begins(gaits[-1].coefficients_rad), abs=0.02)
+
+
 def test_the_same_request_gives_the_same_gait_whatever_was_asked_before(client, planner):
     from tandem_msgs.msg import Gait
     from tandem_msgs.srv import GenerateGait

@@ -196,6 +196,41 @@ def test_a_gait_asked_for_over_the_service_walks_for_twenty_seconds(robot, name)
     robot.wait(lambda: robot.mode() == "disarmed", 60, "disarmed")
 
 
+def test_a_crawl_asked_for_over_the_service_walks_as_fast_as_it_was_asked_to(robot):
+    asked = {"step_duration_s": [0.4], "speed_m_s": [0.1], "clearance_m": [0.08]}
+    response = robot.generate(behaviour="amble", schedule="crawl", **asked)
+    assert response.success and response.gait == "amble_crawl", response.message
+    robot.wait(lambda: robot.gaits and robot.gaits[-1].header.stamp == response.gait_stamp, 10, "the gait on its topic")
+    gait = robot.gaits[-1]
+    assert gait.version == 3 and not gait.lead
+    assert [list(domain.stance_legs) for domain in gait.cycle] == [[0, 2, 3], [1, 2, 3], [0, 1, 2], [0, 1, 3]]
+
+    robot.pause(False)
+    robot.trigger("reset")
+    for asked_for, mode in (("arm", None), ("stand", "standing"), ("walk", "walking")):
+        robot.trigger(asked_for)
+        if mode:
+            robot.wait(lambda: robot.mode() == mode, 60, mode)
+    assert robot.states[-1].gait == "amble_crawl"
+    began = robot.time()
+    robot.odometry.clear()
+    robot.wait(lambda: robot.time() > began + 12, 120, "12 s of walking")
+    robot.pause(True)
+    walk = [message for message in robot.odometry if seconds(message.header.stamp) > began + 4]
+    assert robot.mode() == "walking" and all(upright(message) for message in walk), "it fell"
+    first, last = walk[0], walk[-1]
+    ahead = last.pose.pose.position.x - first.pose.pose.position.x
+    speed = ahead / (seconds(last.header.stamp) - seconds(first.header.stamp))
+    print(f"crawl: {speed:.3f} m/s")
+    assert speed == pytest.approx(0.1, rel=0.15)
+
+    robot.pause(False)
+    robot.trigger("stop")
+    robot.wait(lambda: robot.mode() == "standing", 60, "standing")
+    robot.trigger("sit")
+    robot.wait(lambda: robot.mode() == "disarmed", 60, "disarmed")
+
+
 @pytest.mark.parametrize(
     "fields, expected",
     [
@@ -205,6 +240,8 @@ def test_a_gait_asked_for_over_the_service_walks_for_twenty_seconds(robot, name)
         ({"behaviour": "gait1", "clearance_m": [0.4]}, "clearance_m"),
         ({"behaviour": "gait1", "step_duration_s": [0.3], "step_frequency_hz": [3.0]}, "at most one"),
         ({"behaviour": "gait1", "step_frequency_hz": [0.0]}, "step_frequency_hz is 0"),
+        ({"behaviour": "amble", "schedule": "gallop"}, "expected one of trot, crawl, pace, bound"),
+        ({"behaviour": "amble", "schedule": "crawl", "stable": True}, 'stable is given beside schedule "crawl"'),
     ],
 )
 def test_a_bad_request_gets_one_clear_answer(robot, fields, expected):

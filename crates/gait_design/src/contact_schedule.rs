@@ -1,6 +1,6 @@
 //! Contact schedules: which legs stand, in what order and for how long.
 
-use crate::request::RequestError;
+use crate::request::{RequestError, SCHEDULES};
 use gait::LEGS;
 use serde::{Deserialize, Serialize};
 
@@ -40,6 +40,38 @@ const MOST_FOUR_LEG_SHARE: f64 = 0.6;
 const LEAST_FOUR_LEG_SHARE: f64 = 0.05;
 
 impl ContactSchedule {
+    /// The names of the schedules, as [`Self::named`] takes them.
+    pub const NAMES: [&str; 4] = SCHEDULES;
+
+    /// The schedule of a name, with a phase of `four_leg_share` of T on four legs, 0 for none.
+    ///
+    /// # Errors
+    ///
+    /// If there is none of that name, or it has no phase on four legs and a share is given.
+    pub fn named(name: &str, four_leg_share: f64) -> Result<Self, RequestError> {
+        let schedule = match name {
+            "trot" => Self::Trot { four_leg_share },
+            "crawl" => Self::Crawl { four_leg_share },
+            "pace" => Self::Pace,
+            "bound" => Self::Bound,
+            _ => return Err(RequestError::UnknownSchedule { name: name.to_owned() }),
+        };
+        if matches!(schedule, Self::Pace | Self::Bound) && four_leg_share != 0.0 {
+            return Err(RequestError::NoFourLegPhase { schedule: schedule.name(), four_leg_share });
+        }
+        Ok(schedule)
+    }
+
+    /// Its name.
+    pub fn name(&self) -> &'static str {
+        match self {
+            Self::Trot { .. } => "trot",
+            Self::Crawl { .. } => "crawl",
+            Self::Pace => "pace",
+            Self::Bound => "bound",
+        }
+    }
+
     /// Refuses shares that leave no time to swing, and phases too short to be walked.
     ///
     /// # Errors
@@ -94,6 +126,20 @@ mod tests {
         }
         for four_leg_share in [0.0, 0.05, 0.25, 0.6] {
             ContactSchedule::Trot { four_leg_share }.validate().unwrap();
+        }
+    }
+
+    #[test]
+    fn a_schedule_has_the_name_that_it_is_found_by() {
+        for name in ContactSchedule::NAMES {
+            assert_eq!(ContactSchedule::named(name, 0.0).unwrap().name(), name);
+        }
+        assert_eq!(ContactSchedule::named("crawl", 0.2).unwrap(), ContactSchedule::Crawl { four_leg_share: 0.2 });
+        for (name, share, expected) in [
+            ("gallop", 0.0, "schedule \"gallop\" is unknown: expected one of trot, crawl, pace, bound"),
+            ("bound", 0.2, "four_leg_share is 0.2, and a bound has no phase on four legs: expected 0"),
+        ] {
+            assert_eq!(ContactSchedule::named(name, share).unwrap_err().to_string(), expected);
         }
     }
 

@@ -55,6 +55,9 @@ fn is_zero(value: &f64) -> bool {
     *value == 0.0
 }
 
+/// The names of the contact schedules.
+pub(crate) const SCHEDULES: [&str; 4] = ["trot", "crawl", "pace", "bound"];
+
 /// Table I of Ma & Ames 2020: name, frequency Hz, clearance m, speed m/s. Its frequencies count strides: T = 1 / (2 f).
 /// Last, ours: the stance's half-width over the robot's nominal one. The amble needs a wider stance to be periodic
 /// (docs/planning.md, "Steps or strides").
@@ -90,6 +93,20 @@ pub enum RequestError {
     UnknownBehaviour {
         /// What was asked for.
         name: String,
+    },
+    /// No contact schedule of that name.
+    #[error("schedule \"{name}\" is unknown: expected one of {}", SCHEDULES.join(", "))]
+    UnknownSchedule {
+        /// What was asked for.
+        name: String,
+    },
+    /// A share of a phase that a schedule does not have.
+    #[error("four_leg_share is {four_leg_share}, and a {schedule} has no phase on four legs: expected 0")]
+    NoFourLegPhase {
+        /// The schedule's name.
+        schedule: &'static str,
+        /// Share of T.
+        four_leg_share: f64,
     },
     /// Points that no Hermite–Simpson grid has.
     #[error("points is {value}, expected an odd number from 5 to {}", MOST_POINTS)]

@@ -12,10 +12,11 @@ use crate::BagError;
 const STANDARD_MESSAGES: &str = include_str!("standard_messages.txt");
 
 /// Tandem's own messages.
-const OWN_MESSAGES: [(&str, &str); 5] = [
+const OWN_MESSAGES: [(&str, &str); 6] = [
     ("tandem_msgs/ControlCycle", include_str!("../../../msgs/msg/ControlCycle.msg")),
     ("tandem_msgs/ControllerState", include_str!("../../../msgs/msg/ControllerState.msg")),
     ("tandem_msgs/Gait", include_str!("../../../msgs/msg/Gait.msg")),
+    ("tandem_msgs/GaitDomain", include_str!("../../../msgs/msg/GaitDomain.msg")),
     ("tandem_msgs/JointCommand", include_str!("../../../msgs/msg/JointCommand.msg")),
     ("tandem_msgs/SolverReport", include_str!("../../../msgs/msg/SolverReport.msg")),
 ];

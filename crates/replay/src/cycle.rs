@@ -1,4 +1,4 @@
-//! Recorded cycles, also those of versions whose message had fewer fields.
+//! Recorded messages, also those of versions that had fewer fields.
 
 use std::borrow::Cow;
 use std::time::Duration;
@@ -27,6 +27,21 @@ pub(crate) fn control_cycle(topic: &BagTopic, data: &[u8]) -> Result<ControlCycl
 /// What the controller reported of itself. An older message has no numbers beside its names: 0.
 pub(crate) fn controller_state(topic: &BagTopic, data: &[u8]) -> Result<ControllerState, BagError> {
     from_cdr(&topic.type_name, &with_numbers(topic.definition.as_deref(), data))
+}
+
+/// A gait. An older message has neither a lead nor a cycle.
+pub(crate) fn gait(topic: &BagTopic, data: &[u8]) -> Result<tandem_msgs::Gait, BagError> {
+    from_cdr(&topic.type_name, &with_domains(topic.definition.as_deref(), data))
+}
+
+fn with_domains<'a>(definition: Option<&str>, data: &'a [u8]) -> Cow<'a, [u8]> {
+    let mut whole = Cow::Borrowed(data);
+    if definition.is_some_and(|definition| !definition.contains("GaitDomain")) {
+        // Two lengths of 0, aligned to 4 after the 4 bytes of the encapsulation.
+        let length = whole.len().next_multiple_of(4) + 8;
+        whole.to_mut().resize(length, 0);
+    }
+    whole
 }
 
 fn with_numbers<'a>(definition: Option<&str>, data: &'a [u8]) -> Cow<'a, [u8]> {
@@ -128,5 +143,19 @@ mod tests {
         let empty = ControllerState { mode: "fault".into(), ..ControllerState::default() };
         let data = to_cdr("ControllerState", &empty).unwrap();
         assert_eq!(read("float64[] commanded_torque_nm", &data[..data.len() - 6]), empty);
+    }
+
+    #[test]
+    fn a_gait_of_a_version_without_domains_is_read_with_none() {
+        let amble = gait::Gait::from_json(include_str!("../../../tests/gaits/amble.json")).unwrap();
+        let now = tandem_msgs::Gait::from_gait(&amble);
+        let data = to_cdr("Gait", &now).unwrap();
+        // The message ended with a flag of one byte.
+        let ends = data.len() - 8;
+        let older = &data[..(ends - 3..=ends).find(|end| end.next_multiple_of(4) == ends).unwrap()];
+        let read =
+            |definition, data| from_cdr::<tandem_msgs::Gait>("Gait", &with_domains(Some(definition), data)).unwrap();
+        assert_eq!(read("GaitDomain[] cycle", &data), now);
+        assert_eq!(read("bool stable", older), now);
     }
 }

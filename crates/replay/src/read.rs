@@ -153,7 +153,7 @@ impl Found {
             let message: tandem_msgs::std_msgs::String = from_cdr(&topic.type_name, data).map_err(text)?;
             self.gait(time_s, Gait::from_json(&message.data).map_err(|error| error.to_string())?);
         } else if is("gait", "tandem_msgs/msg/Gait") {
-            let message: tandem_msgs::Gait = from_cdr(&topic.type_name, data).map_err(text)?;
+            let message = crate::cycle::gait(topic, data).map_err(text)?;
             self.gait(time_s, message.to_gait().map_err(|error| error.to_string())?);
         } else if is(names::ROBOT_DESCRIPTION, "std_msgs/msg/String") {
             let message: tandem_msgs::std_msgs::String = from_cdr(&topic.type_name, data).map_err(text)?;

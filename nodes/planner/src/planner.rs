@@ -4,7 +4,10 @@ use std::ops::ControlFlow;
 use std::sync::{Mutex, PoisonError};
 use std::time::{Duration, Instant};
 
-use gait_design::{GaitRequest, PlanError, PlanOptions};
+use gait_design::{
+    ContactSchedule, GaitRequest, PlanError, PlanOptions, ScheduleOptions, TransitionError, TransitionOptions,
+    TransitionRequest,
+};
 use nlp::Iteration;
 use robot::Robot;
 use tandem_msgs::{Gait, GenerateGaitRequest, GenerateGaitResponse};
@@ -42,10 +45,11 @@ impl Planner {
         go_on: impl Fn() -> bool,
         mut progress: impl FnMut(&Iteration, Duration) -> ControlFlow<()>,
     ) -> (GenerateGaitResponse, Option<Gait>) {
-        let ports::Asked { request, reference, points, open } = match ports::request(message, &self.robot) {
-            Ok(asked) => asked,
-            Err(problem) => return (ports::failure(ports::INVALID_REQUEST, problem), None),
-        };
+        let ports::Asked { request, reference, points, open, contacts, from_rest } =
+            match ports::request(message, &self.robot) {
+                Ok(asked) => asked,
+                Err(problem) => return (ports::failure(ports::INVALID_REQUEST, problem), None),
+            };
         let mut options = PlanOptions { reference, ..PlanOptions::default() };
         options.program.points = points;
         let start = Instant::now();
@@ -54,16 +58,17 @@ impl Planner {
             None => request,
         };
         let mut stopped = false;
-        let result = self.plan(&request, &options, |iteration| {
+        let progress = self.limited(|iteration| {
             let flow = progress(iteration, start.elapsed());
             stopped |= flow.is_break();
             flow
         });
-        match result {
-            Ok(gait) => {
-                let gait = Gait::from_gait(&gait);
-                (ports::success(&gait), Some(gait))
-            }
+        let planned = match &contacts {
+            Some(contacts) => self.plan_schedule(&request, contacts, points, progress),
+            None => self.plan(&request, &options, progress),
+        };
+        let mut gait = match planned {
+            Ok(gait) => gait,
             Err(error) => {
                 let spent = start.elapsed();
                 let mut response = ports::plan_error(&error, spent.as_secs_f64());
@@ -72,37 +77,68 @@ impl Planner {
                     response.message = format!("no gait within {:?}: {}", self.time_limit, response.message);
                 } else if !stopped
                     && self.find_nearest
+                    && contacts.is_none()
                     && let Some(nearest) = self.nearest(&request, &options, go_on)
                 {
                     ports::add_nearest(&mut response, &nearest);
                 }
-                (response, None)
+                return (response, None);
+            }
+        };
+        gait.solver.solve_time_s = start.elapsed().as_secs_f64();
+        if from_rest {
+            match self.lead(&gait, go_on) {
+                Ok(lead) => gait.lead = lead,
+                Err(error) => return (ports::lead_error(&error, start.elapsed().as_secs_f64()), None),
             }
         }
+        let gait = Gait::from_gait(&gait);
+        (ports::success(&gait), Some(gait))
+    }
+
+    /// `progress`, within the time limit from now on.
+    fn limited(
+        &self,
+        mut progress: impl FnMut(&Iteration) -> ControlFlow<()>,
+    ) -> impl FnMut(&Iteration) -> ControlFlow<()> {
+        let (start, limit) = (Instant::now(), self.time_limit);
+        move |iteration| if start.elapsed() >= limit { ControlFlow::Break(()) } else { progress(iteration) }
     }
 
     fn plan(
         &self,
         request: &GaitRequest,
         options: &PlanOptions,
-        mut progress: impl FnMut(&Iteration) -> ControlFlow<()>,
+        progress: impl FnMut(&Iteration) -> ControlFlow<()>,
     ) -> Result<gait::Gait, PlanError> {
-        let start = Instant::now();
-        let limit = self.time_limit;
         // Nothing can fail while the list is held.
         let idle = || self.idle.lock().unwrap_or_else(PoisonError::into_inner);
         let kept = idle().pop();
         let mut planner = kept.unwrap_or_else(|| gait_design::Planner::new(&self.robot));
-        let planned = planner.plan(request, options, |iteration| {
-            if start.elapsed() >= limit {
-                return ControlFlow::Break(());
-            }
-            progress(iteration)
-        });
+        let planned = planner.plan(request, options, progress);
         idle().push(planner);
-        let mut plan = planned?;
-        plan.gait.solver.solve_time_s = start.elapsed().as_secs_f64();
-        Ok(plan.gait)
+        Ok(planned?.gait)
+    }
+
+    fn plan_schedule(
+        &self,
+        request: &GaitRequest,
+        contacts: &ContactSchedule,
+        points: usize,
+        progress: impl FnMut(&Iteration) -> ControlFlow<()>,
+    ) -> Result<gait::Gait, PlanError> {
+        let mut options = ScheduleOptions::default();
+        options.program.points = points;
+        Ok(gait_design::plan_schedule(&self.robot, request, contacts, &options, progress)?.gait)
+    }
+
+    /// The two steps from standing to a gait.
+    fn lead(&self, gait: &gait::Gait, go_on: impl Fn() -> bool) -> Result<Vec<gait::Domain>, TransitionError> {
+        let request = TransitionRequest::from_rest(&self.robot, gait)?;
+        let progress = |_: &Iteration| if go_on() { ControlFlow::Continue(()) } else { ControlFlow::Break(()) };
+        let options = TransitionOptions::default();
+        let lead = gait_design::plan_transition(&self.robot, &request, &options, self.limited(progress))?;
+        Ok(lead.steps.to_vec())
     }
 
     /// The request with its open values chosen, the best of those tried within half the time limit, or nothing where
@@ -248,6 +284,30 @@ mod tests {
         assert_eq!((fine.points, certificate(gait).points), (21, 21));
         let (refused, _) = ask(|m| m.points = 12);
         assert!(refused.message.contains("points is 12, expected an odd number"), "{}", refused.message);
+    }
+
+    #[test]
+    fn a_contact_schedule_and_a_lead_are_in_the_gait_that_is_published() {
+        let (crawls, gait) = ask(|m| {
+            m.schedule = "crawl".into();
+            m.step_duration_s = Some(0.4).into();
+            m.speed_m_s = Some(0.1).into();
+            m.clearance_m = Some(0.08).into();
+        });
+        assert!(crawls.success && crawls.gait == "amble_crawl", "{}", crawls.message);
+        let gait = gait.expect("a gait").to_gait().expect("the message holds a gait");
+        assert_eq!(gait.cycle.len(), 4, "one leg after another");
+        assert!(gait.cycle.iter().all(|domain| domain.stands.iter().filter(|stands| **stands).count() == 3));
+        let (leads, gait) = ask(|m| m.from_rest = true);
+        assert!(leads.success && leads.stable && leads.message.contains("a lead from standing"), "{}", leads.message);
+        let gait = gait.expect("a gait").to_gait().expect("the message holds a gait");
+        assert_eq!((gait.lead.len(), gait.cycle.len()), (2, 0));
+        let (too_fast, none) = ask(|m| {
+            m.schedule = "crawl".into();
+            m.speed_m_s = Some(2.0).into();
+        });
+        assert!(!too_fast.success && none.is_none() && !too_fast.message.is_empty(), "{too_fast:?}");
+        println!("{too_fast:?}");
     }
 
     #[test]

@@ -1,8 +1,8 @@
 //! Messages to and from the planner's own types: the one place where the two meet.
 
 use gait_design::{
-    GaitRequest, Nearest, Open, PlanError, ProgramSettings, Reference, RequestError, step_duration_from_step_frequency,
-    step_duration_from_stride_frequency,
+    ContactSchedule, GaitRequest, Nearest, Open, PlanError, ProgramSettings, Reference, RequestError, TransitionError,
+    step_duration_from_step_frequency, step_duration_from_stride_frequency,
 };
 use robot::Robot;
 use tandem_msgs::{Gait, GenerateGaitFeedback, GenerateGaitRequest, GenerateGaitResponse, Optional, SolverReport};
@@ -32,6 +32,10 @@ pub struct Asked {
     pub points: usize,
     /// What is left to the planner, where it is to choose.
     pub open: Option<Open>,
+    /// The contact schedule, where it is another than the two steps of a trot.
+    pub contacts: Option<ContactSchedule>,
+    /// The two steps from standing to the gait are to be planned as well.
+    pub from_rest: bool,
 }
 
 /// What a message asks for: the behaviour's and the robot's own values where it gives none.
@@ -91,8 +95,14 @@ pub fn request(message: &GenerateGaitRequest, robot: &Robot) -> Result<Asked, St
         }
     }
     let open = Open { step_duration: named.is_empty(), half_width: message.half_width_m.0.is_empty() };
+    let contacts = contacts(message)?;
+    if let Some(contacts) = contacts {
+        request.behaviour = format!("{}_{}", request.behaviour, contacts.name());
+    }
     Ok(Asked {
         request,
+        contacts,
+        from_rest: message.from_rest,
         reference: reference(&message.reference)?,
         points: match message.points {
             0 => ProgramSettings::default().points,
@@ -100,6 +110,26 @@ pub fn request(message: &GenerateGaitRequest, robot: &Robot) -> Result<Asked, St
         },
         open: message.stable.then_some(open),
     })
+}
+
+/// The contact schedule that a message names. What the program for schedules does not do is refused beside it.
+fn contacts(message: &GenerateGaitRequest) -> Result<Option<ContactSchedule>, String> {
+    let (name, share) = (message.schedule.as_str(), message.four_leg_share);
+    if name.is_empty() {
+        return if share == 0.0 {
+            Ok(None)
+        } else {
+            Err(format!("four_leg_share is {share} without a schedule: expected 0, or schedule trot or crawl"))
+        };
+    }
+    for (field, is_given) in
+        [("stable", message.stable), ("reference", !message.reference.is_empty()), ("from_rest", message.from_rest)]
+    {
+        if is_given {
+            return Err(format!("{field} is given beside schedule \"{name}\": expected one of the two"));
+        }
+    }
+    ContactSchedule::named(name, share).map(Some).map_err(|error| error.to_string())
 }
 
 fn reference(name: &str) -> Result<Reference, String> {
@@ -115,17 +145,21 @@ fn reference(name: &str) -> Result<Reference, String> {
 /// The answer that goes with a gait; its stamp is set when the gait is published.
 #[must_use]
 pub fn success(gait: &Gait) -> GenerateGaitResponse {
+    let stable = if gait.stable { ", stable by itself" } else { "" };
+    let certificate = match gait.points {
+        0 => String::new(),
+        points => format!(", {points} points, largest multiplier {:.3}{stable}", gait.largest_multiplier),
+    };
     GenerateGaitResponse {
         success: true,
         status: gait.solver.status.clone(),
         message: format!(
-            "{}: {} iterations in {:.3} s, {} points, largest multiplier {:.3}{}",
+            "{}: {} iterations in {:.3} s{}{}",
             gait.name,
             gait.solver.iterations,
             gait.solver.solve_time_s,
-            gait.points,
-            gait.largest_multiplier,
-            if gait.stable { ", stable by itself" } else { "" }
+            certificate,
+            if gait.lead.is_empty() { "" } else { ", with a lead from standing" }
         ),
         gait: gait.name.clone(),
         step_duration_s: gait.step_duration_s,
@@ -175,6 +209,17 @@ pub fn plan_error(error: &PlanError, solve_time_s: f64) -> GenerateGaitResponse 
             worst_constraint: worst.clone(),
         };
     }
+    response
+}
+
+/// The answer to a request whose gait was planned, and not the steps that lead to it.
+#[must_use]
+pub fn lead_error(error: &TransitionError, solve_time_s: f64) -> GenerateGaitResponse {
+    let mut response = match error {
+        TransitionError::Plan(error) => plan_error(error, solve_time_s),
+        TransitionError::Start(_) | TransitionError::Missed(_) => failure("infeasible", error.to_string()),
+    };
+    response.message = format!("the two steps from standing to the gait: {}", response.message);
     response
 }
 
@@ -231,7 +276,15 @@ mod tests {
         let robot = robot();
         let amble = request(&message("amble"), &robot).unwrap();
         let own = GaitRequest::named("amble", &robot).unwrap();
-        assert_eq!(amble, Asked { request: own, reference: Reference::Compensated, points: 11, open: None });
+        let expected = Asked {
+            request: own,
+            reference: Reference::Compensated,
+            points: 11,
+            open: None,
+            contacts: None,
+            from_rest: false,
+        };
+        assert_eq!(amble, expected);
     }
 
     #[test]
@@ -253,6 +306,7 @@ mod tests {
         m.stable = true;
         m.lateral_speed_m_s = -0.1;
         m.yaw_rate_rad_s = 0.2;
+        m.from_rest = true;
         // Every field by name: a new one is noticed here.
         let expected = GaitRequest {
             behaviour: "gait1".into(),
@@ -271,20 +325,32 @@ mod tests {
             torque_limit_nm: [41.0, 42.0, 43.0],
         };
         let given = Open { step_duration: false, half_width: false };
-        let expected = Asked { request: expected, reference: Reference::InProgram, points: 21, open: Some(given) };
+        let expected = Asked {
+            request: expected,
+            reference: Reference::InProgram,
+            points: 21,
+            open: Some(given),
+            contacts: None,
+            from_rest: true,
+        };
         assert_eq!(request(&m, &robot()).unwrap(), expected);
         m.half_width_m = None.into();
         assert_eq!(request(&m, &robot()).unwrap().open, Some(Open { step_duration: false, half_width: true }));
         let mut m = message("gait1");
         m.stride_frequency_hz = Some(2.5).into();
         assert_eq!(request(&m, &robot()).unwrap().request.step_duration_s, 0.2);
+        m.schedule = "crawl".into();
+        m.four_leg_share = 0.2;
+        let crawl = request(&m, &robot()).unwrap();
+        assert_eq!(crawl.contacts, Some(ContactSchedule::Crawl { four_leg_share: 0.2 }));
+        assert_eq!(crawl.request.behaviour, "gait1_crawl");
     }
 
     #[test]
     fn wrong_requests_get_one_clear_sentence() {
         let robot = robot();
         type Change = fn(&mut GenerateGaitRequest);
-        let cases: [(&str, Change); 9] = [
+        let cases: [(&str, Change); 14] = [
             ("behaviour \"moonwalk\" is unknown", |m| m.behaviour = "moonwalk".into()),
             ("step_duration_s and stride_frequency_hz are given: expected at most one", |m| {
                 m.step_duration_s = Some(0.3).into();
@@ -300,6 +366,19 @@ mod tests {
             }),
             ("reference \"planned\" is unknown: expected one of compensated, planned_joints, in_program", |m| {
                 m.reference = "planned".into();
+            }),
+            ("schedule \"gallop\" is unknown: expected one of trot, crawl, pace, bound", |m| {
+                m.schedule = "gallop".into();
+            }),
+            ("four_leg_share is 0.2 without a schedule", |m| m.four_leg_share = 0.2),
+            ("four_leg_share is 0.2, and a pace has no phase on four legs", |m| {
+                (m.schedule, m.four_leg_share) = ("pace".into(), 0.2);
+            }),
+            ("stable is given beside schedule \"crawl\": expected one of the two", |m| {
+                (m.schedule, m.stable) = ("crawl".into(), true);
+            }),
+            ("from_rest is given beside schedule \"trot\"", |m| {
+                (m.schedule, m.from_rest) = ("trot".into(), true);
             }),
         ];
         for (expected, change) in cases {
