@@ -30,7 +30,7 @@ pub use error::GaitError;
 pub use joints::{JOINTS, JOINTS_PER_LEG, LEG_LABELS, LEG_NAMES, LEGS, Mirror};
 pub use schedule::StepSide;
 pub use types::{Certificate, Gains, Gait, InitialState, SecondStep, SolverSummary};
-pub use validate::MAX_NAME_CHARS;
+pub use validate::{MAX_NAME_CHARS, SHORTEST_DOMAIN_S};
 pub use version::{FILE_FORMAT, FILE_VERSION, FILE_VERSION_DOMAINS, FILE_VERSION_TWO_STEPS, MAX_FILE_BYTES};
 
 impl Gait {

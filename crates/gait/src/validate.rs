@@ -10,8 +10,10 @@ use std::ops::RangeInclusive;
 
 /// Longest name of a gait or its robot, in characters.
 pub const MAX_NAME_CHARS: usize = 128;
+/// How short a step or another domain may be, s.
+pub const SHORTEST_DOMAIN_S: f64 = 0.02;
 /// How long a step or another domain may take, s.
-const DURATION_S: RangeInclusive<f64> = 0.02..=10.0;
+const DURATION_S: RangeInclusive<f64> = SHORTEST_DOMAIN_S..=10.0;
 /// A jump of the planned joints where one domain follows another would be a blow to the drives.
 pub(crate) const JUMP_RAD: f64 = 0.02;
 

@@ -1,6 +1,6 @@
 //! Contact schedules: which legs stand, in what order and for how long.
 
-use crate::request::{RequestError, SCHEDULES};
+use crate::request::{GaitRequest, RequestError, SCHEDULES};
 use gait::LEGS;
 use serde::{Deserialize, Serialize};
 
@@ -36,7 +36,7 @@ pub(crate) struct Phase {
 
 /// Longest share of T in which all four legs stand: what is left has to be long enough to swing in.
 const MOST_FOUR_LEG_SHARE: f64 = 0.6;
-/// Shortest such phase that is one: the points of a shorter one lie within a control period.
+/// Shortest such phase that is one, and no gait has a domain that is shorter than [`gait::SHORTEST_DOMAIN_S`].
 const LEAST_FOUR_LEG_SHARE: f64 = 0.05;
 
 impl ContactSchedule {
@@ -72,18 +72,21 @@ impl ContactSchedule {
         }
     }
 
-    /// Refuses shares that leave no time to swing, and phases too short to be walked.
+    /// Refuses shares that leave no time to swing, and phases too short to be walked, where a step takes T.
     ///
     /// # Errors
     ///
     /// If a share is neither 0 nor in its range.
-    pub fn validate(&self) -> Result<(), RequestError> {
+    pub fn validate(&self, step_duration_s: f64) -> Result<(), RequestError> {
         let value = self.four_leg_share();
-        if value == 0.0 || (LEAST_FOUR_LEG_SHARE..=MOST_FOUR_LEG_SHARE).contains(&value) {
+        // T itself may come out a little longer.
+        let longest_s = step_duration_s * (1.0 + GaitRequest::STEP_DURATION_TOLERANCE);
+        let least = LEAST_FOUR_LEG_SHARE.max((1e3 * gait::SHORTEST_DOMAIN_S / longest_s).ceil() * 1e-3);
+        if value == 0.0 || (least..=MOST_FOUR_LEG_SHARE).contains(&value) {
             return Ok(());
         }
         let (field, unit) = ("four_leg_share", "of the step duration, or 0");
-        Err(RequestError::OutOfRange { field, value, lower: LEAST_FOUR_LEG_SHARE, upper: MOST_FOUR_LEG_SHARE, unit })
+        Err(RequestError::OutOfRange { field, value, lower: least, upper: MOST_FOUR_LEG_SHARE, unit })
     }
 
     fn four_leg_share(&self) -> f64 {
@@ -121,12 +124,14 @@ mod tests {
     #[test]
     fn shares_that_leave_no_time_to_swing_are_refused() {
         for four_leg_share in [0.7, -0.1, 0.01, f64::NAN] {
-            let error = ContactSchedule::Crawl { four_leg_share }.validate().unwrap_err().to_string();
+            let error = ContactSchedule::Crawl { four_leg_share }.validate(0.5).unwrap_err().to_string();
             assert!(error.contains("four_leg_share is") && error.contains("0.05 to 0.6"), "{error}");
         }
         for four_leg_share in [0.0, 0.05, 0.25, 0.6] {
-            ContactSchedule::Trot { four_leg_share }.validate().unwrap();
+            ContactSchedule::Trot { four_leg_share }.validate(0.5).unwrap();
         }
+        let error = ContactSchedule::Trot { four_leg_share: 0.1 }.validate(0.19).unwrap_err().to_string();
+        assert!(error.contains("four_leg_share is 0.1, expected 0.105 to 0.6"), "{error}");
     }
 
     #[test]

@@ -3,7 +3,7 @@
 //! the forces inside three and four stance legs, which nothing else would determine.
 
 use super::footfalls::Footfalls;
-use super::schedule::Schedule;
+use super::schedule::{Grid, Schedule};
 use super::{FullOrderProgram, start};
 use crate::contact_schedule::ContactSchedule;
 use crate::limits::{Limits, ProgramSettings};
@@ -66,32 +66,43 @@ pub struct SchedulePlan {
 /// # Errors
 ///
 /// If the request or the schedule is invalid, a leg cannot reach its toe's place, the solver does not converge, or the
-/// gait breaks something between the program's points.
+/// gait breaks something between the program's points: of domains of the kind that does, also with every interval
+/// halved.
 pub fn plan_schedule(
     robot: &Robot,
     request: &GaitRequest,
     contacts: &ContactSchedule,
     options: &ScheduleOptions,
-    progress: impl FnMut(&Iteration) -> ControlFlow<()>,
+    mut progress: impl FnMut(&Iteration) -> ControlFlow<()>,
 ) -> Result<SchedulePlan, PlanError> {
     request.validate(leg_length_m(robot))?;
-    contacts.validate()?;
+    contacts.validate(request.step_duration_s)?;
     check_points(options.program.points)?;
     check_upright(request)?;
     if options.treads {
         check_straight(request)?;
     }
-    let (mut program, start) = program_and_start(robot, request, contacts, options)?;
-    let solution = solve(&mut program, &start, options, progress)?;
-    if !solution.status.is_solution() {
-        return Err(not_converged(solution));
+    let coarse = Grid::coarse(options.program.points);
+    let mut grid = coarse;
+    loop {
+        let (mut program, start) = program_and_start(robot, request, contacts, options, grid)?;
+        let solution = solve(&mut program, &start, options, &mut progress)?;
+        if !solution.status.is_solution() {
+            return Err(not_converged(solution));
+        }
+        let mut plan = plan_of(&program, &solution, robot, request, contacts)?;
+        match first_broken_between(&program, request, &plan) {
+            None => {
+                if options.treads {
+                    plan.gait.request["treads"] = true.into();
+                }
+                return Ok(plan);
+            }
+            Some((domain, error)) => {
+                grid = grid.finer(&program.schedule.domains[domain], coarse).ok_or(error)?;
+            }
+        }
     }
-    let mut plan = plan_of(&program, &solution, robot, request, contacts)?;
-    check_between(&program, request, &plan)?;
-    if options.treads {
-        plan.gait.request["treads"] = true.into();
-    }
-    Ok(plan)
 }
 
 /// Leaning torsos and slopes have start and bounds of their own in the trot's program, which these gaits have not.
@@ -127,10 +138,11 @@ fn program_and_start(
     request: &GaitRequest,
     contacts: &ContactSchedule,
     options: &ScheduleOptions,
+    grid: Grid,
 ) -> Result<(FullOrderProgram, Vec<f64>), PlanError> {
     let (robot, settings) = (&on_slope(robot, request), &options.program);
     let hips = hip_x_m(robot);
-    let mut schedule = Schedule::of_contacts(&robot.mirror, request, contacts, settings.points, options.treads);
+    let mut schedule = Schedule::of_contacts(&robot.mirror, request, contacts, grid, options.treads);
     let footfalls = Footfalls::new(&schedule, &robot.mirror, request, hips);
     for domain in 0..schedule.domains.len() {
         schedule.domains[domain].footholds = footfalls.footholds(&schedule, &robot.mirror, domain);
@@ -199,12 +211,18 @@ fn mirrored(mirror: &Mirror, domain: &Domain) -> Domain {
     Domain { stands, planned_rad, reference_rad, ..*domain }
 }
 
-fn check_between(program: &FullOrderProgram, request: &GaitRequest, plan: &SchedulePlan) -> Result<(), PlanError> {
+/// The first domain in which a plan breaks something between the program's points, and what.
+fn first_broken_between(
+    program: &FullOrderProgram,
+    request: &GaitRequest,
+    plan: &SchedulePlan,
+) -> Option<(usize, PlanError)> {
     let schedule = &program.schedule;
-    plan.points.iter().enumerate().try_for_each(|(index, points)| {
+    plan.points.iter().enumerate().find_map(|(index, points)| {
         let (domain, first) = (&plan.gait.cycle[index], schedule.places_of(index)[0]);
         let planned = DomainPlan { domain, before: first.time, share: first.share, points, joints_prescribed: false };
-        between_points_of_domain(&program.robot, request, planned).check(points.len())
+        let kept = between_points_of_domain(&program.robot, request, planned).check(points.len());
+        kept.err().map(|error| (index, error))
     })
 }
 

@@ -4,6 +4,7 @@
 use super::goal;
 use super::state::State;
 use crate::contact_schedule::{ContactSchedule, Phase};
+use crate::refine::finer_grid;
 use crate::request::GaitRequest;
 pub(super) use crate::terms::COEFFICIENTS;
 use crate::terms::{Layout, Mirrored, Step};
@@ -19,8 +20,32 @@ const SWING: [usize; 2] = [0, 3];
 /// Points of a domain in which all legs stand: it is short. Fewer than there are coefficients would leave some of the
 /// reference's to nothing.
 const POINTS_OF_FOUR_LEGS: usize = 7;
+
 /// The leg whose stance hip roll the fixed distance of the stance toes determines.
 const REDUNDANT_LEG: usize = 2;
+
+/// Hermite–Simpson points of a contact schedule's domains.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Grid {
+    /// Of those in which legs swing.
+    pub swing: usize,
+    /// Of those on four legs.
+    pub four_legs: usize,
+}
+
+impl Grid {
+    /// The coarsest, for so many points where legs swing.
+    pub fn coarse(swing: usize) -> Self {
+        Self { swing, four_legs: POINTS_OF_FOUR_LEGS }
+    }
+
+    /// With a domain's intervals, and those of its kind, halved: once, no more.
+    pub fn finer(self, domain: &Domain, coarse: Self) -> Option<Self> {
+        let kind = |grid: Self| if domain.swing.is_empty() { grid.four_legs } else { grid.swing };
+        let points = finer_grid(kind(self)).filter(|_| kind(self) == kind(coarse))?;
+        Some(if domain.swing.is_empty() { Self { four_legs: points, ..self } } else { Self { swing: points, ..self } })
+    }
+}
 
 /// Where a point's unknowns lie within it; after them λ of each stance leg.
 pub(super) mod at {
@@ -137,13 +162,13 @@ impl Schedule {
         mirror: &Mirror,
         request: &GaitRequest,
         contacts: &ContactSchedule,
-        points: usize,
+        grid: Grid,
         on_treads: bool,
     ) -> Self {
         let domain = |phase: Phase| {
             let legs = |stand: bool| (0..LEGS).filter(|leg| phase.stands[*leg] == stand).collect::<Vec<_>>();
             let swing = legs(false);
-            let points = if swing.is_empty() { POINTS_OF_FOUR_LEGS } else { points };
+            let points = if swing.is_empty() { grid.four_legs } else { grid.swing };
             let (redundant_joints, footholds) = (Vec::new(), Vec::new());
             Domain { stance: legs(true), swing, share: phase.share, points, redundant_joints, footholds }
         };
