@@ -8,7 +8,7 @@ use std::io::{BufRead, Read, Write};
 
 use byteorder::LittleEndian;
 use tandem_msgs::{
-    Action, Claim, ClearFault, ControlCycle, ControllerState, Field, FootContacts, Gait, GenerateGait,
+    Action, Claim, ClearFault, ControlCycle, ControllerState, Field, FootContacts, Gait, GaitDomain, GenerateGait,
     GenerateGaitAction, JointCommand, JointDiagnostics, LoadGait, Message, Service, SolverReport, StartRecording,
     StopRecording, TypeHash, action_msgs, builtin_interfaces, diagnostic_msgs, geometry_msgs, lifecycle_msgs, nav_msgs,
     rcl_interfaces, rosgraph_msgs, sensor_msgs, std_msgs, std_srvs, unique_identifier_msgs, visualization_msgs,
@@ -125,6 +125,7 @@ fn types() -> Types {
         JointDiagnostics,
         SolverReport,
         Gait,
+        GaitDomain,
         ControllerState,
     );
     services!(types:
