@@ -112,7 +112,6 @@ fn types() -> Types {
         visualization_msgs::MeshFile,
         visualization_msgs::Marker,
         visualization_msgs::MarkerArray,
-        ControlCycle,
         lifecycle_msgs::State,
         lifecycle_msgs::Transition,
         lifecycle_msgs::TransitionDescription,
@@ -120,14 +119,8 @@ fn types() -> Types {
         action_msgs::GoalInfo,
         action_msgs::GoalStatus,
         action_msgs::GoalStatusArray,
-        FootContacts,
-        JointCommand,
-        JointDiagnostics,
-        SolverReport,
-        Gait,
-        GaitDomain,
-        ControllerState,
     );
+    own_messages(&mut types);
     services!(types:
         std_srvs::Trigger,
         std_srvs::SetBool,
@@ -151,6 +144,19 @@ fn types() -> Types {
     );
     types.action::<GenerateGaitAction>();
     types
+}
+
+fn own_messages(types: &mut Types) {
+    messages!(types:
+        ControlCycle,
+        FootContacts,
+        JointCommand,
+        JointDiagnostics,
+        SolverReport,
+        Gait,
+        GaitDomain,
+        ControllerState,
+    );
 }
 
 fn main() -> Result<(), Box<dyn std::error::Error>> {
