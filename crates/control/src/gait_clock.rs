@@ -153,12 +153,17 @@ impl GaitClock {
 
     /// The present step of `gait`, which is walked. Steps go on in turn over a change of gait.
     pub fn step(&self, gait: &PreparedGait) -> Step {
-        Step::number(self.step_index() - self.before_lead, self.leads, gait.stride_steps())
+        Step::number(self.since_lead(), self.leads, gait.stride_steps())
     }
 
     /// Whether the present step is one of the lead's.
     pub fn is_leading(&self) -> bool {
-        self.leads && self.step_index() - self.before_lead < LEAD_STEPS as u64
+        self.leads && self.since_lead() < LEAD_STEPS as u64
+    }
+
+    /// Steps since the lead began, or without one, since walking began. A recording may say anything.
+    fn since_lead(&self) -> u64 {
+        self.step_index().saturating_sub(self.before_lead)
     }
 
     /// Steps since walking began.

@@ -87,8 +87,8 @@ impl Planner {
         };
         gait.solver.solve_time_s = start.elapsed().as_secs_f64();
         if from_rest {
-            match self.lead(&gait, go_on) {
-                Ok(lead) => gait.lead = lead,
+            match self.with_lead(gait, go_on) {
+                Ok(with_lead) => gait = with_lead,
                 Err(error) => return (ports::lead_error(&error, start.elapsed().as_secs_f64()), None),
             }
         }
@@ -132,13 +132,15 @@ impl Planner {
         Ok(gait_design::plan_schedule(&self.robot, request, contacts, &options, progress)?.gait)
     }
 
-    /// The two steps from standing to a gait.
-    fn lead(&self, gait: &gait::Gait, go_on: impl Fn() -> bool) -> Result<Vec<gait::Domain>, TransitionError> {
-        let request = TransitionRequest::from_rest(&self.robot, gait)?;
+    /// A gait with the two steps from standing to it.
+    fn with_lead(&self, mut gait: gait::Gait, go_on: impl Fn() -> bool) -> Result<gait::Gait, TransitionError> {
+        let request = TransitionRequest::from_rest(&self.robot, &gait)?;
         let progress = |_: &Iteration| if go_on() { ControlFlow::Continue(()) } else { ControlFlow::Break(()) };
         let options = TransitionOptions::default();
         let lead = gait_design::plan_transition(&self.robot, &request, &options, self.limited(progress))?;
-        Ok(lead.steps.to_vec())
+        gait.lead = lead.steps.to_vec();
+        gait.validate().map_err(PlanError::from)?;
+        Ok(gait)
     }
 
     /// The request with its open values chosen, the best of those tried within half the time limit, or nothing where

@@ -157,7 +157,7 @@ impl Balance {
 
     /// The step of `gait` that is walked.
     pub fn present_step(&self, gait: &PreparedGait) -> Step {
-        Step::number(self.steps - self.before_lead, self.leads, gait.stride_steps())
+        Step::number(self.steps.saturating_sub(self.before_lead), self.leads, gait.stride_steps())
     }
 
     /// The gait's own velocity, m/s: what is walked where nothing else is asked for.

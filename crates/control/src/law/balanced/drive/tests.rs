@@ -58,3 +58,17 @@ fn a_driven_robot_makes_up_for_where_its_commands_have_led_to_but_not_for_where_
     assert!((carried + 0.2 * config.path_gain_s).abs() < 1e-6, "{carried}");
     assert!((back - 0.2 * config.path_gain_s).abs() < 1e-6, "where it was carried to is where it goes on from: {back}");
 }
+
+/// Told 0.1 m/s more than its gait goes, it goes 0.1 m/s once a lead has brought it to a gait that steps in place.
+#[test]
+fn what_is_walked_beyond_the_gaits_own_velocity_stays_where_a_lead_changes_that() {
+    let config = BalanceConfig { speed_gain: 0.0, path_gain_s: 0.0, speed_integral_rate_s: 0.0, ..config() };
+    let level = estimate([0.0; 3], [0.0; 3]);
+    let walked = Velocity { forward_m_s: 0.45, left_m_s: -0.05, yaw_rad_s: 0.3 };
+    let turning = Velocity { left_m_s: 0.02, yaw_rad_s: 0.2, ..AHEAD };
+    let mut drive = Drive::new(&walked, &level);
+    drive.go_over(&turning, &Velocity::default());
+    let driven = drive.driven(&config);
+    assert!((driven.velocity.x - 0.1).abs() < 1e-12 && (driven.velocity.y + 0.07).abs() < 1e-12, "{driven:?}");
+    assert!((driven.yaw_rad_s - 0.1).abs() < 1e-12, "{driven:?}");
+}
