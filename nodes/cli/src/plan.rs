@@ -29,6 +29,7 @@ use verify::{Stable, Verified};
 ///   tandem plan amble --speed 0.4 --stable
 ///   tandem plan amble --schedule crawl --step-duration 0.4 --speed 0.1 --clearance 0.08 -o crawl.json
 ///   tandem plan amble --schedule trot --four-leg-share 0.25 --speed 0.3 --clearance 0.08
+///   tandem plan gait1 --schedule crawl --stairs 0.1 0.3 --step-duration 0.5 --clearance 0.12 -o stairs.json
 ///   tandem plan all -o gaits
 ///   tandem plan --table
 #[derive(clap::Args)]

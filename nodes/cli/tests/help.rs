@@ -83,6 +83,16 @@ fn crawls(place: &Place, line: &str) {
     place.succeeds("tandem report crawl -o crawl.html --no-tiles");
 }
 
+/// Stairs of a rise of 0.1 m and a depth of 0.3 m, climbed one a stride.
+fn climbs(place: &Place, line: &str) {
+    place.succeeds(line);
+    let gait = std::fs::read_to_string(place.path().join("stairs.json")).unwrap();
+    let gait: serde_json::Value = serde_json::from_str(&gait).unwrap();
+    assert_eq!(gait["request"]["slope_rad"].as_f64(), Some(0.1_f64.atan2(0.3)));
+    let walked = place.succeeds("tandem simulate stairs.json --staircase --seconds 6");
+    assert!(walked.contains("a staircase of 101 mm") && walked.contains("upright to the end"), "{walked}");
+}
+
 /// Tries one; what is needed for it is there. False if nobody knows what it must do.
 fn does_what_it_says(place: &Place, line: &str) -> bool {
     let there = |file: &str| place.path().join(file).exists();
@@ -102,6 +112,7 @@ fn does_what_it_says(place: &Place, line: &str) -> bool {
         "tandem plan amble --schedule crawl --step-duration 0.4 --speed 0.1 --clearance 0.08 -o crawl.json" => {
             crawls(place, line);
         }
+        line if line.contains("--stairs 0.1 0.3") => climbs(place, line),
         "tandem plan amble --schedule trot --four-leg-share 0.25 --speed 0.3 --clearance 0.08" => {
             let planned = json_lines(&place.succeeds(&format!("{line} --json"))).remove(0);
             assert_eq!(planned["contact_schedule"]["trot"]["four_leg_share"], 0.25);

@@ -12,19 +12,22 @@ use std::time::Instant;
 /// The contact schedule, where another than the trot of two steps is asked for.
 #[derive(clap::Args)]
 pub struct ScheduleArguments {
-    /// Which legs swing together; the gait file has the stride's phases as its cycle, named BEHAVIOUR_SCHEDULE. T is
-    /// a step's duration: one leg's in the crawl, else two legs'. The full-order program: a tenth of a second to some
+    /// Which legs swing together: those of a diagonal (trot), of a side (pace) or of an end (bound), or one at a time,
+    /// rear left, front left, rear right, front right (crawl). The gait file has the stride's phases as its cycle,
+    /// named BEHAVIOUR_SCHEDULE. T is a step's duration: one leg's in the crawl, else two legs'. The full-order
+    /// program: a tenth of a second to some
     #[arg(
         long,
-        value_enum,
-        conflicts_with_all = ["table", "stable", "from_rest", "to_rest", "stability", "reference"]
+        value_parser = clap::builder::PossibleValuesParser::new(ContactSchedule::NAMES),
+        conflicts_with_all = ["table", "stable", "from_rest", "from", "to_rest", "stability", "reference"]
     )]
-    schedule: Option<ScheduleArgument>,
+    schedule: Option<String>,
     /// With --schedule trot or crawl: share of T in which all four legs stand, after each step, 0.05 to 0.6
     #[arg(long, value_name = "SHARE", requires = "schedule", allow_negative_numbers = true)]
     four_leg_share: Option<f64>,
     /// With --schedule crawl: up stairs of this rise and depth, m, one a stride, every toe in the middle of its tread:
-    /// they give the slope and the speed. Takes ten seconds or more; `tandem simulate FILE --staircase` walks it
+    /// they give the slope and the speed. Takes ten seconds or more; `tandem simulate FILE --staircase` walks it, and
+    /// nothing sees the stairs: sooner or later a toe misses one
     #[arg(
         long,
         value_names = ["RISE", "RUN"],
@@ -36,34 +39,11 @@ pub struct ScheduleArguments {
     stairs: Option<Vec<f64>>,
 }
 
-#[derive(Clone, Copy, clap::ValueEnum)]
-enum ScheduleArgument {
-    /// The legs of a diagonal
-    Trot,
-    /// One leg at a time: rear left, front left, rear right, front right
-    Crawl,
-    /// The legs of a side
-    Pace,
-    /// The legs of an end
-    Bound,
-}
-
-impl ScheduleArgument {
-    fn name(self) -> &'static str {
-        match self {
-            Self::Trot => "trot",
-            Self::Crawl => "crawl",
-            Self::Pace => "pace",
-            Self::Bound => "bound",
-        }
-    }
-}
-
 impl ScheduleArguments {
     /// The schedule that is asked for, if one is.
     pub fn contacts(&self) -> Result<Option<ContactSchedule>> {
-        let Some(schedule) = self.schedule else { return Ok(None) };
-        Ok(Some(ContactSchedule::named(schedule.name(), self.four_leg_share.unwrap_or(0.0))?))
+        let named = |name: &String| ContactSchedule::named(name, self.four_leg_share.unwrap_or(0.0));
+        Ok(self.schedule.as_ref().map(named).transpose()?)
     }
 }
 
